@@ -1,11 +1,22 @@
 //! The mathematics of CapSense: from a tetrahedral mesh, electrodes and objects to a capacitance matrix.
 //!
-//! No files, no clocks, no GPU. The modules build on each other in this order.
+//! No files, no clocks, no GPU. [`simulator::Simulator::step`] is the one main path; what it calls stands in the other
+//! modules, which build on each other in this order: [`units`], [`geometry`], [`mesh`], [`electrode`], [`material`],
+//! [`sensor`], [`occupancy`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`].
 
 #![forbid(unsafe_code)]
 
+pub mod capacitance;
+pub mod electrode;
+pub mod estimate;
 pub mod geometry;
 pub mod material;
 pub mod mesh;
 pub mod occupancy;
+pub mod sensor;
+pub mod simulator;
+pub mod solver;
+pub mod stiffness;
 pub mod units;
+
+pub use glam;

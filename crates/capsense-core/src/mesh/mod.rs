@@ -2,7 +2,7 @@
 
 mod lattice;
 
-pub use lattice::{Lattice, graded_axis};
+pub use lattice::{InvalidAxis, Lattice, graded_axis};
 
 use crate::geometry::Aabb;
 use glam::DVec3;

@@ -87,11 +87,6 @@ impl DepthLayers {
         &self.view
     }
 
-    /// Number of objects.
-    pub fn objects(&self) -> usize {
-        self.objects
-    }
-
     /// z of an object's surface nearest to the camera, row by row.
     pub fn front(&self, object: usize) -> &[f32] {
         &self.front[self.pixels_of(object)]
@@ -138,11 +133,19 @@ impl DepthLayers {
             .collect()
     }
 
-    /// Looks for pixels that cannot be a surface.
-    ///
-    /// # Errors
+    fn pixels_of(&self, object: usize) -> std::ops::Range<usize> {
+        let pixels = self.view.width * self.view.height;
+        object * pixels..(object + 1) * pixels
+    }
+}
+
+impl Surfaces for DepthLayers {
+    fn objects(&self) -> usize {
+        self.objects
+    }
+
     /// Names the first pixel whose depth is NaN or whose back lies before its front.
-    pub fn validate(&self) -> Result<(), InvalidDepth> {
+    fn validate(&self) -> Result<(), InvalidDepth> {
         let missed = |front: f32, back: f32| front == f32::INFINITY && back == f32::NEG_INFINITY;
         let bad = self.front.iter().zip(&self.back).position(|(&front, &back)| {
             !(missed(front, back) || (front.is_finite() && back.is_finite() && front <= back))
@@ -162,8 +165,131 @@ impl DepthLayers {
         }
     }
 
-    fn pixels_of(&self, object: usize) -> std::ops::Range<usize> {
-        let pixels = self.view.width * self.view.height;
-        object * pixels..(object + 1) * pixels
+    fn bounds(&self, object: usize) -> Aabb {
+        let pixel = self.view.pixel_size();
+        let corner = self.view.domain.min.truncate();
+        let mut bounds = Aabb::EMPTY;
+        for (row, (fronts, backs)) in self
+            .front(object)
+            .chunks_exact(self.view.width)
+            .zip(self.back(object).chunks_exact(self.view.width))
+            .enumerate()
+        {
+            for (column, (&front, &back)) in fronts.iter().zip(backs).enumerate() {
+                if front <= back {
+                    let low = corner + pixel * DVec2::new(column as f64, row as f64);
+                    bounds = bounds
+                        .including(low.extend(f64::from(front)))
+                        .including((low + pixel).extend(f64::from(back)));
+                }
+            }
+        }
+        bounds
     }
+
+    fn contains(&self, object: usize, point: DVec3) -> bool {
+        let uv = self.view.pixel_coordinates(point);
+        self.column(object, self.view.pixel_at(uv), uv)
+            .is_some_and(|[front, back]| front < point.z && point.z < back)
+    }
+
+    /// Walks the segment from one half pixel to the next: within a half pixel the same pixel is hit or missed and the
+    /// same four depths are interpolated, so front and back are taken as straight lines there.
+    fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        let (uv_a, uv_b) = (self.view.pixel_coordinates(a), self.view.pixel_coordinates(b));
+        let mut found: Option<Span> = None;
+        let mut start = 0.0;
+        while start < 1.0 {
+            let end = next_half_pixel(uv_a, uv_b, start);
+            let pixel = self.view.pixel_at(uv_a.lerp(uv_b, 0.5 * (start + end)));
+            if let Some(piece) = self.span_in_half_pixel(object, pixel, [a, b], [uv_a, uv_b], [start, end]) {
+                found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
+            }
+            start = end;
+        }
+        found
+    }
+}
+
+impl DepthLayers {
+    /// Front and back at a point of a pixel; `None` where the pixel misses the object.
+    fn column(&self, object: usize, (column, row): (usize, usize), uv: DVec2) -> Option<[f64; 2]> {
+        let width = self.view.width;
+        let own = row * width + column;
+        let (fronts, backs) = (self.front(object), self.back(object));
+        if fronts[own] > backs[own] {
+            return None;
+        }
+        // The three neighbours between whose centres and the own one the point lies.
+        let beside = |at: f64, own: usize, count: usize| match at < own as f64 + 0.5 {
+            true => own.checked_sub(1),
+            false => Some(own + 1).filter(|&next| next < count),
+        };
+        let nearest = [f64::from(fronts[own]), f64::from(backs[own])];
+        let (Some(next_column), Some(next_row)) =
+            (beside(uv.x, column, width), beside(uv.y, row, self.view.height))
+        else {
+            return Some(nearest);
+        };
+        let offset = (uv - DVec2::new(column as f64 + 0.5, row as f64 + 0.5)).abs();
+        let corners =
+            [own, row * width + next_column, next_row * width + column, next_row * width + next_column];
+        let jump = JUMP_IN_PIXELS * self.view.pixel_size().max_element();
+        let smooth = |layer: &[f32], fallback: f64| {
+            let z = corners.map(|corner| f64::from(layer[corner]));
+            let (low, high) =
+                z.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &z| (l.min(z), h.max(z)));
+            if high - low <= jump {
+                let along = |a: f64, b: f64| a + (b - a) * offset.x;
+                let (near, far) = (along(z[0], z[1]), along(z[2], z[3]));
+                near + (far - near) * offset.y
+            } else {
+                fallback
+            }
+        };
+        Some([smooth(fronts, nearest[0]), smooth(backs, nearest[1])])
+    }
+
+    /// The part of the segment between parameters `t` that is behind the front and before the back.
+    fn span_in_half_pixel(
+        &self,
+        object: usize,
+        pixel: (usize, usize),
+        ends: [DVec3; 2],
+        uv: [DVec2; 2],
+        t: [f64; 2],
+    ) -> Option<Span> {
+        let inside = |t: f64| {
+            let z = ends[0].z + (ends[1].z - ends[0].z) * t;
+            self.column(object, pixel, uv[0].lerp(uv[1], t)).map(|[front, back]| [z - front, back - z])
+        };
+        let (at_start, at_end) = (inside(t[0])?, inside(t[1])?);
+        let mut part = [0.0, 1.0];
+        for side in 0..2 {
+            let (s, e) = (at_start[side], at_end[side]);
+            match (s > 0.0, e > 0.0) {
+                (true, true) => {}
+                (false, false) => return None,
+                (true, false) => part[1] = f64::min(part[1], s / (s - e)),
+                (false, true) => part[0] = f64::max(part[0], s / (s - e)),
+            }
+        }
+        let length = t[1] - t[0];
+        (part[0] < part[1]).then(|| Span { enter: t[0] + part[0] * length, exit: t[0] + part[1] * length })
+    }
+}
+
+/// The next parameter after `t` at which the line from `a` to `b` crosses a multiple of half a pixel; 1 at the end.
+fn next_half_pixel(a: DVec2, b: DVec2, t: f64) -> f64 {
+    let mut next: f64 = 1.0;
+    for axis in 0..2 {
+        let step = b[axis] - a[axis];
+        if step != 0.0 {
+            let here = 2.0 * (a[axis] + step * t);
+            let border = if step > 0.0 { (here + 1e-9).floor() + 1.0 } else { (here - 1e-9).ceil() - 1.0 };
+            next = next.min((0.5 * border - a[axis]) / step);
+        }
+    }
+    // Each step makes progress, whatever the rounding.
+    next.max(t + 1e-9).min(1.0)
 }

@@ -1,0 +1,85 @@
+//! The Maxwell capacitance matrix, and what remains of it when objects are isolated or tied to ground.
+
+use crate::material::{Connection, Material};
+
+/// A symmetric capacitance matrix in farads: charges Q = C V on terminals at potentials V.
+///
+/// Diagonal entries are positive, the others negative or zero; the mutual capacitance of two electrodes is minus their
+/// entry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CapacitanceMatrix {
+    size: usize,
+    farads: Vec<f64>,
+}
+
+impl CapacitanceMatrix {
+    /// All entries zero.
+    pub fn zeros(size: usize) -> Self {
+        Self { size, farads: vec![0.0; size * size] }
+    }
+
+    /// Number of terminals.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// One entry in farads.
+    ///
+    /// # Panics
+    /// When an index is not below [`CapacitanceMatrix::size`].
+    pub fn get(&self, row: usize, column: usize) -> f64 {
+        assert!(row < self.size && column < self.size, "entry ({row}, {column}) of {}", self.size);
+        self.farads[row * self.size + column]
+    }
+
+    /// Sets an entry and its mirror image.
+    pub(crate) fn set(&mut self, row: usize, column: usize, farads: f64) {
+        self.farads[row * self.size + column] = farads;
+        self.farads[column * self.size + row] = farads;
+    }
+
+    /// The rows in order.
+    pub fn rows(&self) -> impl ExactSizeIterator<Item = &[f64]> {
+        // A matrix of no terminals has no rows; its chunks must still have a length.
+        self.farads.chunks_exact(self.size.max(1))
+    }
+
+    /// The matrix of the first `size` terminals, all others at 0 V.
+    pub(crate) fn leading(&self, size: usize) -> Self {
+        let farads = self.rows().take(size).flat_map(|row| row[..size].iter().copied()).collect();
+        Self { size, farads }
+    }
+
+    /// Lets an object find its own potential: its net charge is zero (`to_ground` = 0), or that of a capacitance to
+    /// ground, Q = -C_g V. Its row and column become zero, all others take the Schur complement. The bound `error` on
+    /// each entry follows to first order.
+    pub(crate) fn release(&mut self, object: usize, to_ground: f64, error: &mut Self) {
+        let pivot = self.get(object, object) + to_ground;
+        if pivot > 0.0 {
+            let charge: Vec<f64> = (0..self.size).map(|t| self.get(object, t)).collect();
+            let share: Vec<f64> = charge.iter().map(|charge| charge / pivot).collect();
+            let of_object: Vec<f64> = (0..self.size).map(|t| error.get(object, t)).collect();
+            for s in 0..self.size {
+                for t in s..self.size {
+                    self.set(s, t, self.get(s, t) - share[s] * charge[t]);
+                    let change = share[s] * of_object[t] + share[t] * of_object[s];
+                    let square = share[s] * share[t] * of_object[object];
+                    error.set(s, t, error.get(s, t) - change + square);
+                }
+            }
+        }
+        for t in 0..self.size {
+            self.set(object, t, 0.0);
+            error.set(object, t, 0.0);
+        }
+    }
+}
+
+/// The capacitance to ground, in farads, of an object that finds its own potential; `None` for all others.
+pub(crate) fn own_potential(material: &Material) -> Option<f64> {
+    match material {
+        Material::Conductor(Connection::Floating) => Some(0.0),
+        Material::Conductor(Connection::Capacitance(farads)) => Some(*farads),
+        Material::Conductor(Connection::Grounded) | Material::Dielectric(_) => None,
+    }
+}

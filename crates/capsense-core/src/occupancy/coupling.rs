@@ -1,0 +1,146 @@
+//! The edge rule: what objects make of one mesh edge.
+
+use super::{NO_OBJECT, Span};
+use crate::material::Material;
+
+/// No edge is shortened to less than this part of its length. A gap that small is a contact; without the bound its
+/// weight would drown all others.
+pub const SMALLEST_PART: f64 = 1e-3;
+
+/// A capacitance from a node to the surface of a conducting object, cut out of an edge that passes through it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// The edge it was cut from.
+    pub edge: u32,
+    /// The node it starts at.
+    pub node: u32,
+    /// The object it ends at.
+    pub object: u16,
+    /// What multiplies the edge's weight.
+    pub factor: f64,
+}
+
+/// What is left of an edge: a part that still couples its ends, and links from its ends to conductors in between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling {
+    /// Factor of the weight between the two ends.
+    pub through: f64,
+    /// From either end: the object it now leads to and the factor of that link's weight.
+    pub to_object: [Option<(u16, f64)>; 2],
+}
+
+impl Coupling {
+    /// An edge that no object touches.
+    pub const PLAIN: Self = Self { through: 1.0, to_object: [None; 2] };
+
+    /// The links of this coupling as those of an edge.
+    pub fn links(self, edge: u32, ends: [u32; 2]) -> impl Iterator<Item = Link> {
+        ends.into_iter()
+            .zip(self.to_object)
+            .filter_map(move |(node, to)| to.map(|(object, factor)| Link { edge, node, object, factor }))
+    }
+}
+
+/// One edge and the objects around it.
+pub(super) struct EdgeRule<'a> {
+    /// The conductor that holds each end, or [`NO_OBJECT`].
+    pub(super) owners: [u16; 2],
+    /// Objects that the edge passes through, in the order in which they are listed.
+    pub(super) spans: &'a mut Vec<(u16, Span)>,
+    pub(super) materials: &'a [Material],
+    /// Relative permittivity without objects.
+    pub(super) background: f64,
+}
+
+impl EdgeRule<'_> {
+    /// Applies the rule. `breaks` is working storage.
+    pub(super) fn coupling(self, breaks: &mut Vec<f64>) -> Coupling {
+        let [from, to] = self.owners;
+        if self.spans.is_empty() && from == NO_OBJECT && to == NO_OBJECT {
+            return Coupling::PLAIN;
+        }
+        let first = self.contact(from, 0.0, |span| span.enter, |candidate, best| candidate < best);
+        let last = self.contact(to, 1.0, |span| span.exit, |candidate, best| candidate > best);
+        let (Some((first, enter)), Some((last, exit))) = (first, last) else {
+            return Coupling { through: 1.0 / self.series(0.0, 1.0, breaks), to_object: [None; 2] };
+        };
+        match (from != NO_OBJECT, to != NO_OBJECT) {
+            (true, true) if from == to => Coupling::PLAIN,
+            (true, true) => self.only_through(self.exit_of(from), self.enter_of(to), breaks),
+            (true, false) if last == from => self.only_through(exit, 1.0, breaks),
+            (false, true) if first == to => self.only_through(0.0, enter, breaks),
+            _ => {
+                let mut link = |own: u16, object: u16, a: f64, b: f64| {
+                    (own == NO_OBJECT).then(|| (object, 1.0 / self.series(a, b, breaks)))
+                };
+                let to_object = [link(from, first, 0.0, enter), link(to, last, exit, 1.0)];
+                Coupling { through: 0.0, to_object }
+            }
+        }
+    }
+
+    fn only_through(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> Coupling {
+        Coupling { through: 1.0 / self.series(a, b, breaks), to_object: [None; 2] }
+    }
+
+    /// The conductor met first when coming from one end, and where. Of several at one place the first listed counts.
+    fn contact(
+        &self,
+        owner: u16,
+        end: f64,
+        place: impl Fn(&Span) -> f64,
+        nearer: impl Fn(f64, f64) -> bool,
+    ) -> Option<(u16, f64)> {
+        if owner != NO_OBJECT {
+            return Some((owner, end));
+        }
+        let on_the_way = self.conductors().map(|(object, span)| (object, place(&span)));
+        let met =
+            on_the_way.reduce(|best, candidate| if nearer(candidate.1, best.1) { candidate } else { best });
+        // An end that a conductor holds is a contact even where the surface's own answer misses it by rounding.
+        let held = self.owners.into_iter().find(|&owner| owner != NO_OBJECT);
+        met.or(held.map(|object| (object, 1.0 - end)))
+    }
+
+    fn conductors(&self) -> impl Iterator<Item = (u16, Span)> {
+        self.spans
+            .iter()
+            .copied()
+            .filter(|&(object, _)| matches!(self.materials[usize::from(object)], Material::Conductor(_)))
+    }
+
+    fn exit_of(&self, object: u16) -> f64 {
+        self.conductors().find(|&(other, _)| other == object).map_or(0.0, |(_, span)| span.exit)
+    }
+
+    fn enter_of(&self, object: u16) -> f64 {
+        self.conductors().find(|&(other, _)| other == object).map_or(1.0, |(_, span)| span.enter)
+    }
+
+    /// ∫ ε_background/ε dt from `a` to `b`: parts along the edge are capacitors in series. Where dielectrics overlap,
+    /// the first listed counts.
+    fn series(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> f64 {
+        let b = b.max(a + SMALLEST_PART);
+        breaks.clear();
+        breaks.extend([a, b]);
+        for (_, span) in self.dielectrics() {
+            breaks.extend([span.enter, span.exit].into_iter().filter(|&t| t > a && t < b));
+        }
+        breaks.sort_by(f64::total_cmp);
+        breaks
+            .windows(2)
+            .map(|piece| {
+                let middle = 0.5 * (piece[0] + piece[1]);
+                let filled = self.dielectrics().find(|(_, span)| span.enter <= middle && middle <= span.exit);
+                (piece[1] - piece[0]) / filled.map_or(1.0, |(permittivity, _)| permittivity / self.background)
+            })
+            .sum()
+    }
+
+    fn dielectrics(&self) -> impl Iterator<Item = (f64, Span)> {
+        self.spans.iter().filter_map(|&(object, span)| match self.materials[usize::from(object)] {
+            Material::Dielectric(permittivity) => Some((permittivity.value(), span)),
+            Material::Conductor(_) => None,
+        })
+    }
+}

@@ -1,0 +1,393 @@
+//! The main path of a frame: occupancy, stiffness, solve, capacitance.
+
+use crate::capacitance::{CapacitanceMatrix, own_potential};
+use crate::estimate::discretisation_error;
+use crate::material::{Connection, Material};
+use crate::occupancy::{EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
+use crate::sensor::{FREE, Sensor, Terminal};
+use crate::solver::{Pcg, SolveError, SolveReport, SolverOptions};
+use crate::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
+use crate::units::VACUUM_PERMITTIVITY;
+
+/// Why a frame cannot be computed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulatorError {
+    /// The objects seen are not those that were announced.
+    #[error("{seen} objects are seen, but the simulator knows the materials of {known}")]
+    ObjectCount {
+        /// Number of objects seen.
+        seen: usize,
+        /// Number of materials.
+        known: usize,
+    },
+    /// More objects and electrodes than terminals can be numbered.
+    #[error("{0} objects are more than can be numbered")]
+    TooManyObjects(usize),
+    /// A capacitance to ground that is negative or not finite.
+    #[error("object {object} has a capacitance to ground of {farads} F; it must be finite and not negative")]
+    CapacitanceToGround {
+        /// Index of the object.
+        object: usize,
+        /// The value given.
+        farads: f64,
+    },
+    /// A tolerance that is not between zero and one.
+    #[error("tolerance {0} is not between 0 and 1")]
+    Tolerance(f64),
+    /// The depth image is no picture of surfaces.
+    #[error(transparent)]
+    Depth(#[from] InvalidDepth),
+    /// The field could not be solved for.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+}
+
+/// What a frame took.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Number of edges whose coupling or ends changed.
+    pub changed_edges: usize,
+    /// What the solver reached.
+    pub solve: SolveReport,
+}
+
+/// A sensor in a scene: from where the objects are to the capacitance matrix over the electrodes.
+///
+/// Objects are part of the result, not of the matrix: grounded ones are at 0 V, floating ones carry no net charge,
+/// ones tied to ground through a capacitance C_g carry -C_g V.
+///
+/// # Example
+/// A grounded plate 20 mm above a square electrode, seen by a depth camera of 32 by 32 pixels:
+/// ```
+/// use capsense_core::electrode::{Electrode, Outline};
+/// use capsense_core::material::{Connection, Material};
+/// use capsense_core::occupancy::{DepthLayers, OrthographicView};
+/// use capsense_core::sensor::{Sensor, SensorDesign};
+/// use capsense_core::simulator::Simulator;
+/// use capsense_core::{geometry::Aabb, glam::{DVec2, DVec3}, solver::SolverOptions};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let domain = Aabb { min: DVec3::new(-0.1, -0.1, -0.1), max: DVec3::splat(0.1) };
+/// let outline = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.04) };
+/// let electrodes = vec![Electrode { name: "E1".into(), outline, z: 0.0 }];
+/// let design = SensorDesign { domain, electrodes, substrate: None };
+/// let sensor = Sensor::on_lattice(&design, &design.lattice(10_000)?)?;
+/// let plate = Material::Conductor(Connection::Grounded);
+/// let mut simulator = Simulator::new(sensor, vec![plate], SolverOptions::default())?;
+///
+/// let mut depth = DepthLayers::empty(OrthographicView { domain, width: 32, height: 32 }, 1);
+/// let (front, back) = depth.layer_mut(0);
+/// front.fill(0.02);
+/// back.fill(0.03);
+/// let report = simulator.step(&depth)?;
+/// assert!(report.solve.relative_error < 1e-4);
+/// let change = simulator.capacitance().get(0, 0) - simulator.base().get(0, 0);
+/// assert!(change > 0.0, "{change} F");
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Simulator {
+    sensor: Sensor,
+    materials: Vec<Material>,
+    options: SolverOptions,
+    matrix: StiffnessMatrix,
+    occupancy: Occupancy,
+    fields: Fields,
+    base: CapacitanceMatrix,
+    capacitance: Capacitances,
+}
+
+/// What was measured in a frame, objects already terminated.
+#[derive(Clone, Debug, PartialEq)]
+struct Capacitances {
+    electrodes: CapacitanceMatrix,
+    to_ground: Vec<f64>,
+}
+
+/// The potential of every row with one terminal at 1 V and all others at 0 V, one column for each terminal that needs
+/// one: electrodes, then objects that find their own potential.
+#[derive(Clone, Debug)]
+struct Fields {
+    terminals: Vec<Terminal>,
+    /// Terminal of each row, [`FREE`] where the potential is unknown.
+    row_terminals: Vec<Terminal>,
+    fixed: Vec<bool>,
+    /// Columns in groups of [`LANES`].
+    potentials: Vec<Vec<Lane>>,
+    charges: Vec<Vec<Lane>>,
+    pcg: Pcg,
+}
+
+impl Simulator {
+    /// Assembles the stiffness matrix and solves the empty scene.
+    ///
+    /// # Errors
+    /// When the options or a material's values are out of range, or the empty scene cannot be solved.
+    pub fn new(
+        sensor: Sensor,
+        materials: Vec<Material>,
+        options: SolverOptions,
+    ) -> Result<Self, SimulatorError> {
+        check(&sensor, &materials, &options)?;
+        let network = EdgeNetwork::of_sensor(&sensor);
+        let nodes = sensor.mesh().nodes().len();
+        let occupancy = Occupancy::empty(nodes, network.ends().len());
+        let matrix = StiffnessMatrix::new(network, nodes, materials.len());
+        let fields = Fields::new(&sensor, &materials);
+        let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
+        let to_ground = vec![0.0; electrodes.size()];
+        let mut simulator = Self {
+            base: electrodes.clone(),
+            capacitance: Capacitances { electrodes, to_ground },
+            sensor,
+            materials,
+            options,
+            matrix,
+            occupancy,
+            fields,
+        };
+        let _ = simulator.solve()?;
+        simulator.base = simulator.capacitance.electrodes.clone();
+        Ok(simulator)
+    }
+
+    /// One frame: [`Simulator::update`], then [`Simulator::solve`].
+    ///
+    /// # Errors
+    /// As these two.
+    pub fn step(&mut self, surfaces: &impl Surfaces) -> Result<StepReport, SimulatorError> {
+        let changed_edges = self.update(surfaces)?;
+        let solve = self.solve()?;
+        Ok(StepReport { changed_edges, solve })
+    }
+
+    /// Takes over where the objects are now and returns how many edges that changed.
+    ///
+    /// # Errors
+    /// When the depth image is invalid or shows another number of objects. The frame before stays in force.
+    pub fn update(&mut self, surfaces: &impl Surfaces) -> Result<usize, SimulatorError> {
+        surfaces.validate()?;
+        if surfaces.objects() != self.materials.len() {
+            return Err(SimulatorError::ObjectCount {
+                seen: surfaces.objects(),
+                known: self.materials.len(),
+            });
+        }
+        let mesh = EdgeGeometry {
+            nodes: self.sensor.mesh().nodes(),
+            terminals: self.sensor.terminals(),
+            ends: self.matrix.network().ends(),
+            permittivity: self.matrix.network().permittivity(),
+        };
+        self.occupancy.update(mesh, &self.materials, surfaces);
+        self.matrix.update(&self.occupancy);
+        self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
+        Ok(self.occupancy.changed_edges().len())
+    }
+
+    /// Solves for the fields, starting from those of the frame before, and evaluates the capacitance matrix.
+    ///
+    /// # Errors
+    /// When the solver fails; [`Simulator::capacitance`] then still is that of the frame before, and the next solve
+    /// starts from zero.
+    pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
+        let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
+        self.capacitance = self.terminate(&mut CapacitanceMatrix::zeros(self.fields.terminals.len() + 1));
+        Ok(report)
+    }
+
+    /// The capacitances over electrodes once every other object has found its potential.
+    fn terminate(&self, error: &mut CapacitanceMatrix) -> Capacitances {
+        let mut all = self.fields.maxwell();
+        let electrodes = self.sensor.electrode_names().len();
+        let released = self.materials.iter().filter_map(own_potential);
+        for (object, to_ground) in released.enumerate() {
+            all.release(electrodes + object, to_ground, error);
+        }
+        let ground = all.size() - 1;
+        Capacitances {
+            to_ground: (0..electrodes).map(|e| all.get(e, ground)).collect(),
+            electrodes: all.leading(electrodes),
+        }
+    }
+
+    /// The Maxwell capacitance matrix over the electrodes in the last frame solved.
+    pub fn capacitance(&self) -> &CapacitanceMatrix {
+        &self.capacitance.electrodes
+    }
+
+    /// Entries of the Maxwell matrix between each electrode and ground with all that is grounded: farads, negative.
+    /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
+    /// them. A capacitance from an object to ground is not part of it.
+    pub fn capacitance_to_ground(&self) -> &[f64] {
+        &self.capacitance.to_ground
+    }
+
+    /// The Maxwell capacitance matrix of the empty scene.
+    pub fn base(&self) -> &CapacitanceMatrix {
+        &self.base
+    }
+
+    /// Estimated error of each entry of [`Simulator::capacitance`] in farads, from the mesh and from the unfinished
+    /// iteration.
+    pub fn error_estimate(&self, report: &SolveReport) -> CapacitanceMatrix {
+        let columns = self.fields.terminals.len();
+        let conductors = self.occupancy.conductors();
+        let of_mesh = discretisation_error(
+            self.sensor.mesh(),
+            columns,
+            |column, node| self.fields.potentials[column / LANES][node][column % LANES],
+            |element| {
+                let [first, others @ ..] = self.sensor.mesh().tets()[element].map(|n| conductors[n as usize]);
+                first != NO_OBJECT && others.iter().all(|&other| other == first)
+            },
+        );
+        let mut error = CapacitanceMatrix::zeros(columns + 1);
+        for s in 0..columns {
+            for t in s..columns {
+                error.set(s, t, of_mesh.get(s, t));
+            }
+        }
+        let capacitance = self.terminate(&mut error).electrodes;
+        let mut bars = error.leading(capacitance.size());
+        for s in 0..bars.size() {
+            for t in s..bars.size() {
+                let scale = (capacitance.get(s, s) * capacitance.get(t, t)).sqrt();
+                bars.set(s, t, bars.get(s, t).abs() + report.relative_error * scale);
+            }
+        }
+        bars
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> &Sensor {
+        &self.sensor
+    }
+
+    /// The stiffness matrix of the last frame.
+    pub fn matrix(&self) -> &StiffnessMatrix {
+        &self.matrix
+    }
+
+    /// What objects occupy in the last frame.
+    pub fn occupancy(&self) -> &Occupancy {
+        &self.occupancy
+    }
+}
+
+fn check(sensor: &Sensor, materials: &[Material], options: &SolverOptions) -> Result<(), SimulatorError> {
+    if !(options.tolerance > 0.0 && options.tolerance < 1.0) {
+        return Err(SimulatorError::Tolerance(options.tolerance));
+    }
+    if sensor.electrode_names().len() + materials.len() >= usize::from(FREE) - 1 {
+        return Err(SimulatorError::TooManyObjects(materials.len()));
+    }
+    for (object, material) in materials.iter().enumerate() {
+        if let Material::Conductor(Connection::Capacitance(farads)) = *material
+            && !(farads.is_finite() && farads >= 0.0)
+        {
+            return Err(SimulatorError::CapacitanceToGround { object, farads });
+        }
+    }
+    Ok(())
+}
+
+impl Fields {
+    fn new(sensor: &Sensor, materials: &[Material]) -> Self {
+        let electrodes = sensor.electrode_names().len() as Terminal;
+        let objects = electrodes + 1..electrodes + 1 + materials.len() as Terminal;
+        let released =
+            objects.clone().zip(materials).filter(|(_, material)| own_potential(material).is_some());
+        let terminals: Vec<Terminal> = (1..=electrodes).chain(released.map(|(object, _)| object)).collect();
+        let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(objects).collect();
+        let rows = row_terminals.len();
+        let mut fields = Self {
+            potentials: vec![vec![[0.0; LANES]; rows]; terminals.len().div_ceil(LANES)],
+            charges: vec![vec![[0.0; LANES]; rows]; terminals.len().div_ceil(LANES)],
+            fixed: row_terminals.iter().map(|&terminal| terminal != FREE).collect(),
+            terminals,
+            row_terminals,
+            pcg: Pcg::new(rows),
+        };
+        fields.reset();
+        fields
+    }
+
+    /// Free rows at 0 V, fixed rows at their potentials.
+    fn reset(&mut self) {
+        for row in 0..self.row_terminals.len() {
+            self.hold(row, 0.0);
+        }
+    }
+
+    /// Sets one row in all columns: 1 V where the column's terminal holds it, 0 V where another does, else `free`.
+    fn hold(&mut self, row: usize, free: f64) {
+        let holder = self.row_terminals[row];
+        self.fixed[row] = holder != FREE;
+        for (column, &terminal) in self.terminals.iter().enumerate() {
+            let value = if holder == FREE { free } else { f64::from(u8::from(holder == terminal)) };
+            self.potentials[column / LANES][row][column % LANES] = value;
+        }
+    }
+
+    /// Nodes taken by a conductor get its potential; released nodes start from it.
+    fn move_conductors(&mut self, occupancy: &Occupancy, electrodes: usize) {
+        for &node in occupancy.changed_nodes() {
+            let node = node as usize;
+            match occupancy.conductors()[node] {
+                NO_OBJECT => {
+                    self.row_terminals[node] = FREE;
+                    self.fixed[node] = false;
+                }
+                object => {
+                    self.row_terminals[node] = electrodes as Terminal + 1 + object;
+                    self.hold(node, 0.0);
+                }
+            }
+        }
+    }
+
+    fn solve(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        options: &SolverOptions,
+    ) -> Result<SolveReport, SolveError> {
+        let mut worst = SolveReport { iterations: 0, relative_error: 0.0, residual: 0.0 };
+        for (x, kx) in self.potentials.iter_mut().zip(&mut self.charges) {
+            let report = self.pcg.solve(matrix, &self.fixed, x, kx, options)?;
+            worst = SolveReport {
+                iterations: worst.iterations.max(report.iterations),
+                relative_error: worst.relative_error.max(report.relative_error),
+                residual: worst.residual.max(report.residual),
+            };
+        }
+        Ok(worst)
+    }
+
+    /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors; in the last row and column
+    /// the charges on everything grounded.
+    fn maxwell(&self) -> CapacitanceMatrix {
+        let columns = self.terminals.len();
+        let mut all = CapacitanceMatrix::zeros(columns + 1);
+        for s in 0..columns {
+            for t in s..columns {
+                let energy = 0.5 * (self.product(s, t) + self.product(t, s));
+                all.set(s, t, VACUUM_PERMITTIVITY * energy);
+            }
+            let grounded = |holder: &Terminal| *holder != FREE && !self.terminals.contains(holder);
+            let charges = self.charges[s / LANES].iter().map(|charge| charge[s % LANES]);
+            let held = self.row_terminals.iter().zip(charges);
+            let charge: f64 = held.filter(|(holder, _)| grounded(holder)).map(|(_, charge)| charge).sum();
+            all.set(s, columns, VACUUM_PERMITTIVITY * charge);
+        }
+        all
+    }
+
+    /// φ_sᵀ (K φ_t).
+    fn product(&self, s: usize, t: usize) -> f64 {
+        let (potentials, charges) = (&self.potentials[s / LANES], &self.charges[t / LANES]);
+        potentials.iter().zip(charges).map(|(x, kx)| x[s % LANES] * kx[t % LANES]).sum()
+    }
+}

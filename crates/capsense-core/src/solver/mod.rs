@@ -1,0 +1,74 @@
+//! Solves K φ = 0 on the free rows for many terminals at once.
+
+mod pcg;
+mod preconditioner;
+
+pub use pcg::Pcg;
+pub use preconditioner::Preconditioner;
+
+/// When to stop, and how to get there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolverOptions {
+    /// Largest relative error of the self-capacitances that an unfinished iteration may leave.
+    pub tolerance: f64,
+    /// What the residual is multiplied with.
+    pub preconditioner: Preconditioner,
+    /// Iterations after which the solver gives up.
+    pub max_iterations: usize,
+}
+
+impl Default for SolverOptions {
+    fn default() -> Self {
+        Self { tolerance: 1e-4, preconditioner: Preconditioner::Jacobi, max_iterations: 20_000 }
+    }
+}
+
+/// What a solve reached.
+#[must_use]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolveReport {
+    /// Number of iterations; all terminals advance together.
+    pub iterations: usize,
+    /// Estimated relative error of the self-capacitances, the largest over all terminals.
+    pub relative_error: f64,
+    /// Recomputed norm of the residual charges on free rows over the norm of the charges on terminals, the largest
+    /// over all terminals.
+    pub residual: f64,
+}
+
+/// Why there is no solution. The field of the last good frame is lost, that of the failed one is not used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    /// The tolerance was not reached.
+    #[error(
+        "not converged after {iterations} iterations: relative error {relative_error:e}, asked for {tolerance:e}"
+    )]
+    NotConverged {
+        /// Number of iterations made.
+        iterations: usize,
+        /// Estimated relative error of the self-capacitances.
+        relative_error: f64,
+        /// The error asked for.
+        tolerance: f64,
+    },
+    /// The matrix is not positive definite on the free rows.
+    #[error(
+        "the stiffness matrix is indefinite: p·Kp = {curvature:e} in column {column}, iteration {iteration}"
+    )]
+    Indefinite {
+        /// Column of the solution.
+        column: usize,
+        /// Iteration in which it showed.
+        iteration: usize,
+        /// The quadratic form that should have been positive.
+        curvature: f64,
+    },
+    /// A number overflowed or was not a number.
+    #[error("the solution of column {column} is not finite in iteration {iteration}")]
+    NonFinite {
+        /// Column of the solution.
+        column: usize,
+        /// Iteration in which it showed.
+        iteration: usize,
+    },
+}
