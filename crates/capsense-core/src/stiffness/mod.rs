@@ -29,8 +29,11 @@ pub struct StiffnessMatrix {
     slots: Vec<[u32; 2]>,
     diagonal_slots: Vec<u32>,
     links: Vec<WeightedLink>,
+    /// Sum of the weights of each node's links.
+    link_sums: Vec<f64>,
     dirty: Vec<bool>,
-    dirty_rows: Vec<u32>,
+    /// Rows whose values the last update recomputed.
+    changed_rows: Vec<u32>,
 }
 
 /// A capacitance between a node's row and an object's row.
@@ -67,8 +70,9 @@ impl StiffnessMatrix {
             slots,
             diagonal_slots,
             links: Vec::new(),
+            link_sums: vec![0.0; nodes],
             dirty: vec![true; nodes],
-            dirty_rows: (0..nodes as u32).collect(),
+            changed_rows: (0..nodes as u32).collect(),
             csr,
         };
         matrix.refresh_diagonal();
@@ -77,8 +81,11 @@ impl StiffnessMatrix {
 
     /// Takes over what changed in the occupancy. Only changed rows are touched.
     pub fn update(&mut self, occupancy: &Occupancy) {
+        self.changed_rows.clear();
         for index in 0..self.links.len() {
-            self.mark(self.links[index].node);
+            let node = self.links[index].node;
+            self.link_sums[node as usize] = 0.0;
+            self.mark(node);
         }
         self.links.clear();
         for &edge in occupancy.changed_edges() {
@@ -96,11 +103,9 @@ impl StiffnessMatrix {
             let base = self.network.weights()[link.edge as usize];
             // Negative weights are no capacitors; they are left as they are.
             if base > 0.0 {
-                self.links.push(WeightedLink {
-                    node: link.node,
-                    object_row: nodes + u32::from(link.object),
-                    weight: base * link.factor,
-                });
+                let (weight, object_row) = (base * link.factor, nodes + u32::from(link.object));
+                self.links.push(WeightedLink { node: link.node, object_row, weight });
+                self.link_sums[link.node as usize] += weight;
                 self.mark(link.node);
             }
         }
@@ -114,24 +119,20 @@ impl StiffnessMatrix {
 
     fn mark(&mut self, row: u32) {
         if !std::mem::replace(&mut self.dirty[row as usize], true) {
-            self.dirty_rows.push(row);
+            self.changed_rows.push(row);
         }
     }
 
-    /// Each marked diagonal becomes minus the sum of its row's other entries.
+    /// Each marked diagonal becomes minus the sum of its row's other entries, plus the node's links.
     fn refresh_diagonal(&mut self) {
-        for &row in &self.dirty_rows {
+        for &row in &self.changed_rows {
             let row = row as usize;
             let diagonal = self.diagonal_slots[row] as usize;
             let range = self.csr.row_offsets()[row]..self.csr.row_offsets()[row + 1];
             let values = self.csr.values_mut();
             values[diagonal] = 0.0;
-            values[diagonal] = -values[range].iter().sum::<f64>();
+            values[diagonal] = self.link_sums[row] - values[range].iter().sum::<f64>();
             self.dirty[row] = false;
-        }
-        self.dirty_rows.clear();
-        for link in &self.links {
-            self.csr.values_mut()[self.diagonal_slots[link.node as usize] as usize] += link.weight;
         }
     }
 
@@ -158,6 +159,23 @@ impl StiffnessMatrix {
     /// The diagonal entry of a node's row.
     pub fn diagonal(&self, node: usize) -> f64 {
         self.csr.values()[self.diagonal_slots[node] as usize]
+    }
+
+    /// The weight that couples two nodes directly; zero when there is none.
+    pub fn weight_between(&self, a: usize, b: usize) -> f64 {
+        let (offsets, columns, values) = self.csr.csr_data();
+        let row = offsets[a]..offsets[a + 1];
+        columns[row.clone()].binary_search(&b).map_or(0.0, |at| -values[row.start + at])
+    }
+
+    /// Sum of the weights of a node's links to objects.
+    pub fn link_weight(&self, node: usize) -> f64 {
+        self.link_sums[node]
+    }
+
+    /// Rows that the last update recomputed; all rows of a new matrix.
+    pub fn changed_rows(&self) -> &[u32] {
+        &self.changed_rows
     }
 
     /// y = K x, all columns at once.
