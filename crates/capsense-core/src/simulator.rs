@@ -133,7 +133,7 @@ impl Simulator {
         check(&sensor, &materials, &options)?;
         let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.ends().len());
+        let occupancy = Occupancy::empty(nodes, network.edges().len());
         let matrix = StiffnessMatrix::new(network, nodes, materials.len());
         let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
         fields.refresh(&matrix, &[]);
@@ -179,7 +179,7 @@ impl Simulator {
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
             terminals: self.sensor.terminals(),
-            ends: self.matrix.network().ends(),
+            edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
         self.occupancy.update(mesh, &self.materials, surfaces);

@@ -1,7 +1,9 @@
 //! Tetrahedral meshes: nodes, elements, and the permittivity of what fills them when no object is there.
 
+mod edges;
 mod lattice;
 
+pub use edges::Edges;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 
 use crate::geometry::Aabb;

@@ -84,12 +84,11 @@ impl Pcg {
 
     /// Residual, energies, and which columns have anything to do.
     fn start(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], x: &[Lane]) -> (Lane, [bool; LANES]) {
-        matrix.apply(x, &mut self.q);
-        let (mut energy, mut active) = ([0.0; LANES], [false; LANES]);
-        for (row, r) in self.r.iter_mut().enumerate() {
+        let energy = matrix.apply(x, &mut self.r);
+        let mut active = [false; LANES];
+        for (r, &fixed) in self.r.iter_mut().zip(fixed) {
             for lane in 0..LANES {
-                energy[lane] += x[row][lane] * self.q[row][lane];
-                r[lane] = if fixed[row] { 0.0 } else { -self.q[row][lane] };
+                r[lane] = if fixed { 0.0 } else { -r[lane] };
                 active[lane] |= r[lane] != 0.0;
             }
         }
@@ -104,13 +103,7 @@ impl Pcg {
         rz: Lane,
         iteration: usize,
     ) -> Result<Lane, SolveError> {
-        matrix.apply(&self.p, &mut self.q);
-        let mut curvature = [0.0; LANES];
-        for (p, q) in self.p.iter().zip(&self.q) {
-            for lane in 0..LANES {
-                curvature[lane] += p[lane] * q[lane];
-            }
-        }
+        let curvature = matrix.apply(&self.p, &mut self.q);
         let mut alpha = [0.0; LANES];
         for (column, active) in active.iter_mut().enumerate().filter(|(_, active)| **active) {
             let (rz, curvature) = (rz[column], curvature[column]);

@@ -85,7 +85,7 @@ impl LatticeMultigrid {
 impl LatticeMultigrid {
     fn refresh_finest(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], region: &IndexBox) {
         let level = &mut self.levels[0];
-        let (first, strides) = (level.nodes().start, level.strides());
+        let first = level.nodes().start;
         let each = |level: &mut Level, margin: usize, visit: &mut dyn FnMut(&mut Level, usize)| {
             for k in region[2].start.saturating_sub(margin)..region[2].end {
                 for j in region[1].start.saturating_sub(margin)..region[1].end {
@@ -98,8 +98,8 @@ impl LatticeMultigrid {
         };
         // An edge's weight stands at its first node, one before the nodes that changed.
         each(level, 1, &mut |level, at| {
-            for (weight, stride) in level.weight.iter_mut().zip(strides) {
-                weight[at] = matrix.weight_between(at - first, at - first + stride) as f32;
+            for (axis, weight) in level.weight.iter_mut().enumerate() {
+                weight[at] = matrix.lattice_weight(at - first, axis) as f32;
             }
             level.leak[at] = matrix.link_weight(at - first) as f32;
         });
