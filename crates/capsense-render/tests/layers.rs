@@ -142,15 +142,15 @@ fn a_mesh_far_from_its_origin_is_as_sharp_as_any() {
 }
 
 #[test]
-fn a_flat_mesh_seen_edge_on_or_face_on() {
+fn a_flat_mesh_from_its_face_its_edge_and_between() {
     let square = |corners: [[f64; 3]; 4]| {
         let vertices = corners.map(DVec3::from_array).to_vec();
         Shape::Mesh(Arc::new(TriangleMesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]]).unwrap()))
     };
     let face_on = square([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]]);
-    let at = Pose::at(DVec3::new(0.0, 0.0, 0.2));
-    let tilted = pose([0.0, 0.0, 0.2], [0.0, 1.0, 0.0], 90.0);
-    for (name, layers) in NAMES.iter().zip(&both(view(32, 32), &[face_on.clone(), face_on], &[at, tilted])) {
+    let shapes = vec![face_on; 3];
+    let turned = |degrees| pose([0.0, 0.0, 0.2], [0.0, 1.0, 0.0], degrees);
+    for (name, layers) in NAMES.iter().zip(&both(view(32, 32), &shapes, &[0.0, 90.0, 45.0].map(turned))) {
         let centre = 16 * 32 + 16;
         assert!((layers.front(0)[centre] - 0.2).abs() < 1e-6, "{name}: {}", layers.front(0)[centre]);
         assert!((layers.back(0)[centre] - 0.2).abs() < 1e-6, "{name}");
@@ -158,7 +158,25 @@ fn a_flat_mesh_seen_edge_on_or_face_on() {
             layers.front(1).iter().all(|z| z.is_infinite()),
             "{name}: a surface seen edge-on has no pixels"
         );
+        // Tilted by 45 degrees it falls by 1 m a metre and is seen up to the ends of its extent in z.
+        for pixel in 0..32 * 32 {
+            let at = layers.view().pixel_centre(pixel % 32, pixel / 32);
+            let inside = at.x.abs() < 0.1 * 0.5_f64.sqrt() && at.y.abs() < 0.1;
+            let (front, back) = (layers.front(2)[pixel], layers.back(2)[pixel]);
+            assert_eq!((front.is_finite(), back.is_finite()), (inside, inside), "{name} at {at}");
+            if inside {
+                let error = (f64::from(front) - (0.2 - at.x)).abs().max(f64::from(back - front));
+                let rounding = depth_rounding() * layers.view().pixel_size().max_element();
+                assert!(error < 1e-6 + rounding, "{name} at {at}: {front}, {back}");
+            }
+        }
     }
+}
+
+#[test]
+fn a_renderer_can_move_to_another_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<DepthRenderer>();
 }
 
 #[test]
