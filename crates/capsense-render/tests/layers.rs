@@ -7,7 +7,7 @@ use capsense_core::geometry::{Aabb, Pose, Shape, TriangleMesh};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_render::tessellate::CHORD_ERROR;
 use capsense_render::{Backend, CpuRenderer, DepthRenderer, GpuOptions, GpuRenderer, RenderError};
-use common::{DOMAIN, both, depth_rounding, near_silhouette, pose, view};
+use common::{DOMAIN, both, depth_rounding, made, near_silhouette, pose, view};
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -182,7 +182,7 @@ fn a_renderer_can_move_to_another_thread() {
 #[test]
 fn an_empty_scene_has_no_layers() {
     for backend in [Backend::Auto, Backend::Gpu, Backend::Cpu] {
-        let mut renderer = DepthRenderer::new(backend, view(64, 64), &[]).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(64, 64), &[]));
         let mut layers = DepthLayers::empty(view(8, 8), 3);
         renderer.render(&[], &mut layers).unwrap();
         assert_eq!(layers, DepthLayers::empty(view(64, 64), 0));
@@ -195,7 +195,7 @@ fn a_renderer_takes_another_scene() {
     let slab = Shape::Box { size: DVec3::new(0.3, 0.2, 0.1) };
     let at = Pose::at(DVec3::new(0.0, 0.05, 0.2));
     for backend in [Backend::Gpu, Backend::Cpu] {
-        let mut renderer = DepthRenderer::new(backend, view(16, 16), std::slice::from_ref(&sphere)).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(16, 16), std::slice::from_ref(&sphere)));
         let (mut layers, mut fresh) = (DepthLayers::empty(view(1, 1), 0), DepthLayers::empty(view(1, 1), 0));
         renderer.render(&[at], &mut layers).unwrap();
         for (shapes, view) in [
@@ -206,7 +206,7 @@ fn a_renderer_takes_another_scene() {
             let poses = vec![at; shapes.len()];
             renderer.set_scene(view, &shapes).unwrap();
             renderer.render(&poses, &mut layers).unwrap();
-            DepthRenderer::new(backend, view, &shapes).unwrap().render(&poses, &mut fresh).unwrap();
+            made(DepthRenderer::new(backend, view, &shapes)).render(&poses, &mut fresh).unwrap();
             assert_eq!(layers, fresh);
             assert_eq!(renderer.view(), &view);
         }
@@ -233,7 +233,7 @@ fn bad_input_is_refused() {
             let error = DepthRenderer::new(backend, bad, &shapes).unwrap_err();
             assert!(matches!(error, RenderError::InvalidView { .. }), "{error}");
         }
-        let mut renderer = DepthRenderer::new(backend, view(4, 4), &shapes).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(4, 4), &shapes));
         let mut layers = DepthLayers::empty(view(4, 4), 2);
         assert_eq!(
             renderer.render(&[Pose::IDENTITY], &mut layers),
@@ -257,7 +257,7 @@ fn an_image_beyond_the_adapter_is_refused_by_the_gpu_and_drawn_by_the_cpu() {
     let shapes = [Shape::Sphere { radius: 0.1 }];
     let error = DepthRenderer::new(Backend::Gpu, huge, &shapes).unwrap_err();
     assert!(matches!(error, RenderError::LimitExceeded { .. }), "{error}");
-    let mut renderer = DepthRenderer::new(Backend::Auto, huge, &shapes).unwrap();
+    let mut renderer = made(DepthRenderer::new(Backend::Auto, huge, &shapes));
     assert_eq!(renderer.description(), "CPU rasteriser");
     let mut layers = DepthLayers::empty(huge, 1);
     renderer.render(&[Pose::IDENTITY], &mut layers).unwrap();
@@ -267,7 +267,7 @@ fn an_image_beyond_the_adapter_is_refused_by_the_gpu_and_drawn_by_the_cpu() {
 #[test]
 fn auto_never_chooses_a_software_adapter() {
     let shapes = [Shape::Sphere { radius: 0.1 }];
-    let auto = DepthRenderer::new(Backend::Auto, view(4, 4), &shapes).unwrap();
+    let auto = made(DepthRenderer::new(Backend::Auto, view(4, 4), &shapes));
     let real =
         GpuRenderer::new(GpuOptions { allow_software: false, ..Default::default() }, view(4, 4), &shapes);
     match real {
@@ -281,7 +281,7 @@ fn auto_never_chooses_a_software_adapter() {
             assert!(!auto.uses_graphics_adapter());
         }
     }
-    let any = DepthRenderer::new(Backend::Gpu, view(4, 4), &shapes).unwrap();
+    let any = made(DepthRenderer::new(Backend::Gpu, view(4, 4), &shapes));
     assert!(any.uses_graphics_adapter() && !any.description().is_empty());
 }
 
