@@ -31,6 +31,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod gmsh;
 pub mod motion;
 pub mod pipeline;
 pub mod scene;

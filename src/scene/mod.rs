@@ -6,22 +6,26 @@
 
 mod check;
 mod design;
+mod mesh_file;
 mod object;
 mod raw;
 mod source;
 mod trajectory;
 mod unsupported;
 
+pub use mesh_file::surface_warnings;
 pub use object::SceneObject;
 pub use source::{SceneError, Source};
 
 use crate::motion::frames_until_end;
+use capsense_core::electrode::Electrode;
 use capsense_core::geometry::Aabb;
+use capsense_core::mesh::TetMesh;
 use capsense_core::occupancy::OrthographicView;
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use check::Checker;
-use raw::{RawPreconditioner, RawScene};
+use raw::{RawElectrode, RawPreconditioner, RawScene};
 use std::path::Path;
 
 /// The scene that runs when none is named: a grounded steel bar sweeps past three stripe electrodes.
@@ -78,6 +82,15 @@ pub enum SceneSensor {
         /// Number of tetrahedra not to be exceeded.
         elements: usize,
     },
+    /// On a mesh from a file.
+    Meshed {
+        /// The mesh, the board's permittivity in it.
+        mesh: TetMesh,
+        /// Grounded nodes.
+        ground: Vec<u32>,
+        /// Electrodes by name.
+        electrodes: Vec<(String, ElectrodeNodes)>,
+    },
 }
 
 impl Scene {
@@ -119,11 +132,15 @@ impl Scene {
     /// # Errors
     /// When the mesh cannot resolve the electrodes; the message names file, line and key.
     pub fn build_sensor(&self) -> Result<Sensor, SceneError> {
-        let SceneSensor::Generated { design, elements } = &self.sensor;
-        design
-            .lattice(*elements)
-            .and_then(|lattice| Sensor::on_lattice(design, &lattice))
-            .map_err(|error| design::locate(&self.source, &self.electrodes, &error))
+        let sensor = match &self.sensor {
+            SceneSensor::Generated { design, elements } => {
+                design.lattice(*elements).and_then(|lattice| Sensor::on_lattice(design, &lattice))
+            }
+            SceneSensor::Meshed { mesh, ground, electrodes } => {
+                Sensor::on_mesh(mesh.clone(), ground, electrodes.clone())
+            }
+        };
+        sensor.map_err(|error| design::locate(&self.source, &self.electrodes, &error))
     }
 }
 
@@ -173,12 +190,18 @@ fn sensor(
     check: Checker<'_>,
     raw: &RawScene,
     names: &[String],
-    _warnings: &mut Vec<String>,
+    warnings: &mut Vec<String>,
 ) -> Result<(Aabb, SceneSensor), SceneError> {
     for (key, given) in [("mesh.unit", raw.mesh.unit.is_some()), ("mesh.groups", raw.mesh.groups.is_some())] {
         if given && raw.mesh.file.is_none() {
             return check.error(key, "goes with `mesh.file`");
         }
+    }
+    if let Some(file) = &raw.mesh.file {
+        if raw.mesh.generate.is_some() {
+            return check.error("mesh", "has both `generate` and `file`; give one of them");
+        }
+        return mesh_file::sensor(check, raw, file, names, warnings);
     }
     let domain = match &raw.domain {
         Some(raw) => design::domain(check, raw)?,
@@ -194,14 +217,7 @@ fn sensor(
         .electrode
         .iter()
         .enumerate()
-        .map(|(index, raw)| {
-            let key = format!("sensor.electrode[{index}]");
-            let shape = design::electrode(check, &key, raw)?;
-            shape.map_or_else(
-                || check.error(&key, "has no shape: give `rectangle`, `disk`, `polygon` or `stl`"),
-                Ok,
-            )
-        })
+        .map(|(index, raw)| shaped_electrode(check, index, raw))
         .collect::<Result<Vec<_>, _>>()?;
     let substrate = match &raw.sensor.substrate {
         Some(raw) => Some(design::substrate(check, raw)?),
@@ -210,6 +226,14 @@ fn sensor(
     let design = SensorDesign { domain, electrodes, substrate };
     design.validate().map_err(|error| design::locate(check.source, names, &error))?;
     Ok((domain, SceneSensor::Generated { design, elements }))
+}
+
+fn shaped_electrode(check: Checker<'_>, index: usize, raw: &RawElectrode) -> Result<Electrode, SceneError> {
+    let key = format!("sensor.electrode[{index}]");
+    match design::electrode(check, &key, raw)? {
+        Some(electrode) => Ok(electrode),
+        None => check.error(&key, "has no shape: give `rectangle`, `disk`, `polygon` or `stl`"),
+    }
 }
 
 fn camera(
