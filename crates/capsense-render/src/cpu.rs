@@ -185,18 +185,10 @@ mod tests {
     fn a_fan_covers_every_pixel_exactly_once() {
         // The hub and the rim lie on pixel centres, so that many centres fall exactly on edges.
         let hub = DVec3::new(4.5, 4.5, 0.0);
-        let rim: Vec<_> = [
-            (0.5, 0.5),
-            (4.5, 0.5),
-            (8.5, 0.5),
-            (8.5, 4.5),
-            (8.5, 8.5),
-            (4.5, 8.5),
-            (0.5, 8.5),
-            (0.5, 4.5),
-        ]
-        .map(|(x, y)| DVec3::new(x, y, 1.0))
-        .to_vec();
+        let rim: Vec<_> =
+            [(0.5, 0.5), (4.5, 0.5), (8.5, 0.5), (8.5, 4.5), (8.5, 8.5), (4.5, 8.5), (0.5, 8.5), (0.5, 4.5)]
+                .map(|(x, y)| DVec3::new(x, y, 1.0))
+                .to_vec();
         let fan: Vec<_> = (0..8).map(|k| [hub, rim[k], rim[(k + 1) % 8]]).collect();
         let counts = coverage(10, 10, &fan);
         for row in 0..10 {

@@ -177,7 +177,8 @@ impl Resources {
         scene: &RenderScene,
     ) -> Result<Option<Self>, RenderError> {
         let device_limit = gpu.limits.max_texture_dimension_2d;
-        let max_dimension = options.max_atlas_dimension.map_or(device_limit, |wanted| wanted.min(device_limit));
+        let max_dimension =
+            options.max_atlas_dimension.map_or(device_limit, |wanted| wanted.min(device_limit));
         let objects = scene.objects();
         let atlas =
             Atlas::new((view.width, view.height), objects.len(), max_dimension, gpu.limits.max_buffer_size)?;

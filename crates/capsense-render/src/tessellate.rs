@@ -222,7 +222,7 @@ mod tests {
 
     #[test]
     fn surfaces_are_closed_and_have_the_exact_volume() {
-        let (radius, length) = (0.03, 0.11);
+        let (radius, length) = (0.03_f64, 0.11);
         let ball = 4.0 / 3.0 * PI * radius.powi(3);
         let tube = PI * radius * radius * length;
         let size = DVec3::new(0.15, 0.1, 0.02);

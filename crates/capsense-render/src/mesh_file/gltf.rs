@@ -125,9 +125,7 @@ fn triangles(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
             .enumerate()
             .map(|(k, w)| if k % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] })
             .collect(),
-        Mode::TriangleFan => {
-            indices.windows(2).skip(1).map(|w| [indices[0], w[0], w[1]]).collect()
-        }
+        Mode::TriangleFan => indices.windows(2).skip(1).map(|w| [indices[0], w[0], w[1]]).collect(),
         _ => indices.as_chunks::<3>().0.to_vec(),
     }
 }

@@ -12,9 +12,13 @@ const TRIANGLE: usize = 50;
 
 pub(super) fn load(bytes: &[u8]) -> Result<Surface, String> {
     let mut surface = Surface::default();
-    let text = std::str::from_utf8(bytes).ok().map(str::trim_start).filter(|text| starts_solid(text));
+    // Names of solids may be in any encoding.
+    let text = String::from_utf8_lossy(bytes);
+    let text = Some(&*text).filter(|text| starts_solid(text));
     match (binary_triangles(bytes), text) {
-        (Some(announced), _) if bytes.len() == HEADER + announced * TRIANGLE => add_binary(&mut surface, bytes)?,
+        (Some(announced), _) if bytes.len() == HEADER + announced * TRIANGLE => {
+            add_binary(&mut surface, bytes)?
+        }
         (_, Some(text)) => add_ascii(&mut surface, text)?,
         (Some(announced), None) => {
             return Err(format!(
