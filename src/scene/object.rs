@@ -6,7 +6,7 @@ use super::source::SceneError;
 use super::trajectory;
 use crate::motion::Motion;
 use capsense_core::geometry::{Aabb, Pose, Shape};
-use capsense_core::glam::{DQuat, DVec3};
+use capsense_core::glam::DQuat;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use std::sync::Arc;
 
