@@ -1,4 +1,4 @@
-//! `capsense mesh`: build a sensor's mesh, or look into one.
+//! `capsense mesh info`: what is in a mesh file.
 
 use super::BadInput;
 use super::text::table;
@@ -6,31 +6,25 @@ use capsense::core::mesh::MeshQuality;
 use capsense::core::units::LengthUnit;
 use capsense::gmsh::{self, GmshError, GmshFile};
 use capsense::scene::surface_warnings;
-use clap::Subcommand;
+use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Inspect meshes
-#[derive(Debug, Subcommand)]
+/// Print counts, volume, element quality, groups and warnings of a Gmsh file
+#[derive(Debug, Args)]
 #[command(after_help = "Example:\n  capsense mesh info sensor.msh --unit mm")]
-pub(super) enum MeshCommand {
-    /// Print counts, volume, element quality, groups and warnings of a Gmsh file
-    #[command(after_help = "Example:\n  capsense mesh info sensor.msh --unit mm")]
-    Info {
-        /// The mesh file (.msh, format 2.2 or 4.1)
-        file: PathBuf,
-        /// Its unit of length: m, cm or mm
-        #[arg(long, default_value = "m")]
-        unit: LengthUnit,
-    },
+pub(super) struct InfoArguments {
+    /// The mesh file (.msh, format 2.2 or 4.1)
+    file: PathBuf,
+    /// Its unit of length: m, cm or mm
+    #[arg(long, default_value = "m")]
+    unit: LengthUnit,
 }
 
-pub(super) fn mesh(command: &MeshCommand) -> anyhow::Result<()> {
-    let MeshCommand::Info { file, unit } = command;
-    let bytes = std::fs::read(file)
-        .map_err(|error| BadInput(format!("{}: cannot read the mesh: {error}", file.display())))?;
-    let text =
-        describe(file, &bytes, *unit).map_err(|error| BadInput(format!("{}: {error}", file.display())))?;
-    print!("{text}");
+pub(super) fn info(arguments: &InfoArguments) -> anyhow::Result<()> {
+    let file = &arguments.file;
+    let bad = |problem: String| BadInput(format!("{}: {problem}", file.display()));
+    let bytes = std::fs::read(file).map_err(|error| bad(format!("cannot read the mesh: {error}")))?;
+    print!("{}", describe(file, &bytes, arguments.unit).map_err(|error| bad(error.to_string()))?);
     Ok(())
 }
 

@@ -3,6 +3,7 @@
 mod csv_table;
 mod curves;
 mod interrupt;
+mod mesh;
 mod mesh_info;
 mod output;
 mod ports;
@@ -27,8 +28,7 @@ pub(crate) struct Arguments {
 enum Command {
     Run(run::RunArguments),
     Solve(solve::SolveArguments),
-    #[command(subcommand)]
-    Mesh(mesh_info::MeshCommand),
+    Mesh(mesh::MeshArguments),
     Ports(ports::PortsArguments),
 }
 
@@ -37,7 +37,7 @@ impl Arguments {
         match self.command {
             Command::Run(arguments) => run::run(&arguments),
             Command::Solve(arguments) => solve::solve(&arguments),
-            Command::Mesh(command) => mesh_info::mesh(&command),
+            Command::Mesh(arguments) => mesh::mesh(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
         }
     }

@@ -23,8 +23,8 @@ pub struct SceneObject {
     pub motion: Motion,
 }
 
-/// Surfaces smaller than this part of the domain, or larger than its inverse, were read in the wrong unit.
-const SMALLEST_SURFACE: f64 = 1e-3;
+/// Surfaces that are not this large, in parts of the domain, were read in the wrong unit.
+const PLAUSIBLE_SURFACE: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
 
 pub(super) fn objects(
     check: Checker<'_>,
@@ -109,7 +109,7 @@ fn surface(
         .or_else(|error| check.error(&format!("{key}.file"), error.to_string()))?;
     let size = Aabb::around(mesh.vertices().iter().copied()).size().max_element();
     let part = size / domain.size().max_element();
-    if !(SMALLEST_SURFACE..=1.0 / SMALLEST_SURFACE).contains(&part) {
+    if !PLAUSIBLE_SURFACE.contains(&part) {
         let message = format!("`{file}` is {size} m long in `{unit}`, the domain {:?} m", domain.size().to_array());
         return check.error(&unit_key, format!("{message}: wrong unit?"));
     }
