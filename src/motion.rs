@@ -64,7 +64,8 @@ impl Motion {
         }
         let mut samples: Vec<(f64, Pose)> = Vec::with_capacity(waypoints.len());
         for &translation in waypoints {
-            let (arrived, last) = samples.last().map_or((0.0, translation), |(t, pose)| (*t, pose.translation));
+            let (arrived, last) =
+                samples.last().map_or((0.0, translation), |(t, pose)| (*t, pose.translation));
             let time = arrived + last.distance(translation) / speed;
             // A waypoint given twice costs no time.
             if samples.is_empty() || time > arrived || time.is_nan() {

@@ -18,7 +18,8 @@ fn json(path: &Path) -> Value {
 /// Columns by name; every cell must be a number.
 fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
     let mut reader = csv::Reader::from_path(path).unwrap();
-    let mut columns: Vec<_> = reader.headers().unwrap().iter().map(|name| (name.to_owned(), vec![])).collect();
+    let mut columns: Vec<_> =
+        reader.headers().unwrap().iter().map(|name| (name.to_owned(), vec![])).collect();
     for record in reader.records() {
         for (cell, (_, values)) in record.unwrap().iter().zip(&mut columns) {
             values.push(cell.parse().unwrap());
@@ -39,7 +40,8 @@ fn run_writes_curves_table_and_report() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("E1 E2") && outcome.stdout.contains("5 frames"), "{}", outcome.stdout);
     let out = folder.path().join("results");
-    let mut names: Vec<_> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut names: Vec<_> =
+        std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["capacitance.csv", "capacitance.svg", "report.json"]);
 
@@ -101,18 +103,20 @@ fn solve_prints_one_json_object_that_is_a_maxwell_matrix() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
     let keys: Vec<_> = solved.as_object().unwrap().keys().map(String::as_str).collect();
-    let expected = [
-        "base_farads",
-        "capacitance_farads",
-        "error_farads",
-        "mesh",
-        "milliseconds",
-        "solver",
-        "terminals",
-    ];
-    assert_eq!({ let mut keys = keys; keys.sort_unstable(); keys }, expected);
+    let expected =
+        ["base_farads", "capacitance_farads", "error_farads", "mesh", "milliseconds", "solver", "terminals"];
+    assert_eq!(
+        {
+            let mut keys = keys;
+            keys.sort_unstable();
+            keys
+        },
+        expected
+    );
     assert_eq!(solved["terminals"], serde_json::json!(["E1", "E2"]));
-    for group in [("mesh", vec!["nodes", "tets"]), ("milliseconds", vec!["geometry", "update", "solve", "total"])] {
+    for group in
+        [("mesh", vec!["nodes", "tets"]), ("milliseconds", vec!["geometry", "update", "solve", "total"])]
+    {
         for key in group.1 {
             assert!(solved[group.0][key].as_f64().unwrap() >= 0.0, "{} {key}", group.0);
         }
@@ -138,7 +142,9 @@ fn solve_prints_a_readable_matrix() {
     write_scene(folder.path());
     let outcome = capsense(folder.path(), &["solve", "scene.toml"]);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-    for text in ["Maxwell capacitance matrix in pF", "±", "Change by the objects in fF", "tetrahedra", "iterations"] {
+    for text in
+        ["Maxwell capacitance matrix in pF", "±", "Change by the objects in fF", "tetrahedra", "iterations"]
+    {
         assert!(outcome.stdout.contains(text), "{text} is missing:\n{}", outcome.stdout);
     }
 }
@@ -177,10 +183,18 @@ fn a_folder_that_cannot_be_made_is_a_failure() {
 #[test]
 fn every_help_ends_with_an_example() {
     let folder = tempfile::tempdir().unwrap();
-    for arguments in [&["--help"][..], &["run", "--help"], &["solve", "--help"], &["mesh", "--help"], &["mesh", "info", "--help"], &["ports", "--help"]] {
+    for arguments in [
+        &["--help"][..],
+        &["run", "--help"],
+        &["solve", "--help"],
+        &["mesh", "--help"],
+        &["mesh", "info", "--help"],
+        &["ports", "--help"],
+    ] {
         let outcome = capsense(folder.path(), arguments);
         assert_eq!(outcome.code, Some(0), "{arguments:?}");
-        let (_, example) = outcome.stdout.split_once("Example").unwrap_or_else(|| panic!("{}", outcome.stdout));
+        let (_, example) =
+            outcome.stdout.split_once("Example").unwrap_or_else(|| panic!("{}", outcome.stdout));
         assert!(example.contains("\n  capsense "), "{arguments:?}: {example}");
     }
 }
@@ -261,5 +275,8 @@ fn a_written_mesh_gives_the_same_capacitances_as_the_scene_it_came_from() {
         assert!((a - b).abs() <= 3e-4 * original[0][0], "{a} against {b}");
     }
     assert!(!quiet.contains("warning:"), "{quiet}");
-    assert!(warned.contains("electrode `E1` is a group of the mesh; its shape in the scene is ignored"), "{warned}");
+    assert!(
+        warned.contains("electrode `E1` is a group of the mesh; its shape in the scene is ignored"),
+        "{warned}"
+    );
 }

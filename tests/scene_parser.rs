@@ -77,13 +77,14 @@ fn the_whole_contract_is_understood() {
 #[test]
 fn variants_of_the_contract_are_understood() {
     let parse = |text: &str| Scene::parse("scene.toml", text, Path::new("")).unwrap();
-    let material = |text: &str| {
-        parse(&SCENE.replace("{ conductor = \"grounded\" }", text)).objects[0].material
-    };
+    let material =
+        |text: &str| parse(&SCENE.replace("{ conductor = \"grounded\" }", text)).objects[0].material;
     assert_eq!(material("{ conductor = \"floating\" }"), Material::Conductor(Connection::Floating));
     let tied = material("{ conductor = { capacitance = 150e-12 } }");
     assert_eq!(tied, Material::Conductor(Connection::Capacitance(150e-12)));
-    assert!(matches!(material("{ relative_permittivity = 80 }"), Material::Dielectric(e) if e.value() == 80.0));
+    assert!(
+        matches!(material("{ relative_permittivity = 80 }"), Material::Dielectric(e) if e.value() == 80.0)
+    );
 
     let one_layer = parse(&SCENE.replace("layers = 2", "layers = 1").replace("back_fill = false\n", ""));
     assert!(one_layer.back_fill, "one layer has no back");
@@ -120,8 +121,20 @@ enum Edit {
 
 fn edits() -> impl Strategy<Value = Vec<Edit>> {
     let token = prop_oneof![
-        Just("nan"), Just("-1"), Just("1e308"), Just("[]"), Just("{}"), Just("[[object]]\n"), Just("\""),
-        Just("\n"), Just("="), Just("]"), Just("0"), Just("é"), Just("\u{0}"), Just("99999999999999999999"),
+        Just("nan"),
+        Just("-1"),
+        Just("1e308"),
+        Just("[]"),
+        Just("{}"),
+        Just("[[object]]\n"),
+        Just("\""),
+        Just("\n"),
+        Just("="),
+        Just("]"),
+        Just("0"),
+        Just("é"),
+        Just("\u{0}"),
+        Just("99999999999999999999"),
     ];
     let edit = prop_oneof![
         (0.0..1.0, 1usize..30).prop_map(|(at, length)| Edit::Delete(at, length)),

@@ -11,7 +11,8 @@ pub(super) fn upper_triangle(size: usize) -> impl Iterator<Item = (usize, usize)
 pub(super) fn csv_table(electrodes: &[String], frames: &[Frame]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let entries = upper_triangle(electrodes.len());
-    let names = entries.clone().map(|(row, column)| format!("C_{}_{}_F", electrodes[row], electrodes[column]));
+    let names =
+        entries.clone().map(|(row, column)| format!("C_{}_{}_F", electrodes[row], electrodes[column]));
     let before = ["frame", "time_s"].map(str::to_owned);
     let after = ["changed_edges", "iterations", "geometry_ms", "update_ms", "solve_ms"].map(str::to_owned);
     writer.write_record(before.into_iter().chain(names).chain(after))?;

@@ -95,7 +95,13 @@ fn draw(
 
 /// A label with as many decimals as the range needs.
 fn tick(value: f64, range: f64) -> String {
-    let decimals = if range >= 50.0 { 0 } else if range >= 5.0 { 1 } else { 2 };
+    let decimals = if range >= 50.0 {
+        0
+    } else if range >= 5.0 {
+        1
+    } else {
+        2
+    };
     let text = format!("{value:.decimals$}");
     if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { "0".to_owned() } else { text }
 }

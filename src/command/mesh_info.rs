@@ -73,7 +73,11 @@ fn histogram(counts: &[usize]) -> String {
         .enumerate()
         .map(|(bin, &count)| {
             let bar = "#".repeat((count * WIDEST).div_ceil(most));
-            vec![format!("{:>2}° to {:>2}°", 10 * bin, 10 * (bin + 1)), count.to_string(), format!("{bar:<WIDEST$}")]
+            vec![
+                format!("{:>2}° to {:>2}°", 10 * bin, 10 * (bin + 1)),
+                count.to_string(),
+                format!("{bar:<WIDEST$}"),
+            ]
         })
         .collect();
     table(&rows)

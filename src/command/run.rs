@@ -48,13 +48,24 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     }
     progress.finish_and_clear();
     let complete = frames.len() == scene.frames;
-    write_results(out, &scene, &pipeline, &frames, &Report::new(&scene, &pipeline, &frames, setup, !complete))?;
+    write_results(
+        out,
+        &scene,
+        &pipeline,
+        &frames,
+        &Report::new(&scene, &pipeline, &frames, setup, !complete),
+    )?;
     if let Some(error) = failure {
         let message = format!("frame {} failed; the frames before it are in {}", frames.len(), out.display());
         return Err(anyhow::Error::new(error).context(message));
     }
     if !complete {
-        bail!("interrupted after {} of {} frames, which are in {}", frames.len(), scene.frames, out.display());
+        bail!(
+            "interrupted after {} of {} frames, which are in {}",
+            frames.len(),
+            scene.frames,
+            out.display()
+        );
     }
     if !arguments.quiet {
         print!("{}", summary(&scene, &pipeline, &frames));

@@ -11,7 +11,9 @@ use std::path::PathBuf;
 
 /// Solve one frame of a scene and print its Maxwell capacitance matrix with error bars
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  capsense solve scene.toml\n  capsense solve scene.toml --frame 100 --json")]
+#[command(
+    after_help = "Examples:\n  capsense solve scene.toml\n  capsense solve scene.toml --frame 100 --json"
+)]
 pub(super) struct SolveArguments {
     /// The scene file
     scene: PathBuf,
@@ -94,13 +96,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
 fn print_readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &CapacitanceMatrix) {
     let base = pipeline.simulator().base();
     let names = &scene.electrodes;
-    println!(
-        "Frame {} of {} at {:.4} s, {}\n",
-        frame.index,
-        scene.frames,
-        frame.time_s,
-        scene.source.file()
-    );
+    println!("Frame {} of {} at {:.4} s, {}\n", frame.index, scene.frames, frame.time_s, scene.source.file());
     let unit = Prefix::for_magnitude(largest(&frame.capacitance));
     println!("Maxwell capacitance matrix in {}, with the estimated error:", unit.symbol);
     print!(

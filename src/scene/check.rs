@@ -122,8 +122,9 @@ impl Checker<'_> {
     /// Reads a file that the scene names.
     pub(super) fn read(&self, key: &str, written: &str) -> Result<Vec<u8>, SceneError> {
         let path = self.path(written);
-        std::fs::read(&path)
-            .or_else(|error| self.error(key, format!("cannot read `{written}` ({}): {error}", path.display())))
+        std::fs::read(&path).or_else(|error| {
+            self.error(key, format!("cannot read `{written}` ({}): {error}", path.display()))
+        })
     }
 
     /// Finds the name that occurs twice.

@@ -76,9 +76,8 @@ pub(super) fn electrode(
             radius: check.positive(&format!("{key}.disk.radius"), disk.radius)?,
         }
     } else if let Some(polygon) = &raw.polygon {
-        let corner = |(index, corner): (usize, &[f64; 2])| {
-            check.finite2(&format!("{key}.polygon[{index}]"), *corner)
-        };
+        let corner =
+            |(index, corner): (usize, &[f64; 2])| check.finite2(&format!("{key}.polygon[{index}]"), *corner);
         Outline::Polygon(polygon.iter().enumerate().map(corner).collect::<Result<_, _>>()?)
     } else {
         return Ok(None);

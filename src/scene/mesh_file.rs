@@ -1,10 +1,10 @@
 //! Sensors on meshes from Gmsh files: which groups are ground, electrodes and board, and whether the unit fits.
 
+use super::SceneSensor;
 use super::check::Checker;
 use super::design;
 use super::raw::{RawGroup, RawScene};
 use super::source::SceneError;
-use super::SceneSensor;
 use crate::gmsh::{self, GmshError, GmshFile, GroupKey};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
@@ -135,7 +135,8 @@ impl Groups<'_> {
                 ElectrodeNodes::Shape(shape)
             } else {
                 let groups: Vec<String> = self.gmsh.groups.iter().map(ToString::to_string).collect();
-                let message = format!("has no shape, and `{file}` no group `{name}`; there are {}", groups.join(", "));
+                let message =
+                    format!("has no shape, and `{file}` no group `{name}`; there are {}", groups.join(", "));
                 return self.check.error(&key, message);
             };
             electrodes.push((name.clone(), nodes));
@@ -175,7 +176,8 @@ impl Groups<'_> {
                 (node.z - bounds.min.z).abs() <= slack
                     && (node.truncate().abs() - 0.5 * board.size).max_element() <= slack
             };
-            let back = mesh.nodes().iter().zip(0u32..).filter(|(node, _)| on_back(node)).map(|(_, index)| index);
+            let back =
+                mesh.nodes().iter().zip(0u32..).filter(|(node, _)| on_back(node)).map(|(_, index)| index);
             let before = ground.len();
             ground.extend(back);
             if ground.len() == before {
@@ -203,7 +205,8 @@ impl Groups<'_> {
             let shared = nodes.iter().filter(|node| ground.contains(node)).count();
             if shared > 0 {
                 let message = "in the groups of ground and of electrode";
-                warnings.push(format!("{file}: {shared} nodes are {message} `{name}`; they are the electrode's"));
+                warnings
+                    .push(format!("{file}: {shared} nodes are {message} `{name}`; they are the electrode's"));
             }
         }
         Ok(())

@@ -99,12 +99,16 @@ impl Scene {
     /// # Errors
     /// When it cannot be read or anything in it is wrong; the message names file, line and key.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let bytes =
-            std::fs::read(path).map_err(|error| SceneError::Read { path: path.to_owned(), error })?;
+        let bytes = std::fs::read(path).map_err(|error| SceneError::Read { path: path.to_owned(), error })?;
         let file = path.display().to_string();
         let text = std::str::from_utf8(&bytes).map_err(|error| {
             let line = 1 + bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count();
-            SceneError::Invalid { file: file.clone(), line, key: None, message: "is not UTF-8 text".to_owned() }
+            SceneError::Invalid {
+                file: file.clone(),
+                line,
+                key: None,
+                message: "is not UTF-8 text".to_owned(),
+            }
         })?;
         Self::parse(&file, text, path.parent().unwrap_or(Path::new("")))
     }
@@ -150,8 +154,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     let (domain, sensor) = sensor(check, raw, &electrodes, &mut warnings)?;
     let (view, back_fill) = camera(check, raw, domain)?;
     let objects = object::objects(check, &raw.object, &domain)?;
-    let frame_rate =
-        check.positive("simulation.frame_rate", raw.simulation.frame_rate.unwrap_or(100.0))?;
+    let frame_rate = check.positive("simulation.frame_rate", raw.simulation.frame_rate.unwrap_or(100.0))?;
     let frames = match raw.simulation.frames {
         Some(frames) => check.count("simulation.frames", frames, 1, MOST_FRAMES)?,
         None => {
@@ -236,11 +239,7 @@ fn shaped_electrode(check: Checker<'_>, index: usize, raw: &RawElectrode) -> Res
     }
 }
 
-fn camera(
-    check: Checker<'_>,
-    raw: &RawScene,
-    domain: Aabb,
-) -> Result<(OrthographicView, bool), SceneError> {
+fn camera(check: Checker<'_>, raw: &RawScene, domain: Aabb) -> Result<(OrthographicView, bool), SceneError> {
     let [width, height] = raw.camera.pixels.unwrap_or([64, 64]);
     let width = check.count("camera.pixels[0]", width, 1, MOST_PIXELS)?;
     let height = check.count("camera.pixels[1]", height, 1, MOST_PIXELS)?;

@@ -33,15 +33,13 @@ pub(super) fn objects(
 ) -> Result<Vec<SceneObject>, SceneError> {
     let names = raw.iter().map(|object| object.name.clone());
     check.unique(|index| format!("object[{index}].name"), names, "object")?;
-    raw.iter().enumerate().map(|(index, raw)| object(check, &format!("object[{index}]"), raw, domain)).collect()
+    raw.iter()
+        .enumerate()
+        .map(|(index, raw)| object(check, &format!("object[{index}]"), raw, domain))
+        .collect()
 }
 
-fn object(
-    check: Checker<'_>,
-    key: &str,
-    raw: &RawObject,
-    domain: &Aabb,
-) -> Result<SceneObject, SceneError> {
+fn object(check: Checker<'_>, key: &str, raw: &RawObject, domain: &Aabb) -> Result<SceneObject, SceneError> {
     let name = check.name(&format!("{key}.name"), &raw.name)?;
     let shape = shape(check, key, raw, domain)?;
     let material = material(check, &format!("{key}.material"), &raw.material)?;
@@ -110,7 +108,8 @@ fn surface(
     let size = Aabb::around(mesh.vertices().iter().copied()).size().max_element();
     let part = size / domain.size().max_element();
     if !PLAUSIBLE_SURFACE.contains(&part) {
-        let message = format!("`{file}` is {size} m long in `{unit}`, the domain {:?} m", domain.size().to_array());
+        let message =
+            format!("`{file}` is {size} m long in `{unit}`, the domain {:?} m", domain.size().to_array());
         return check.error(&unit_key, format!("{message}: wrong unit?"));
     }
     Ok(Shape::Mesh(Arc::new(mesh)))
