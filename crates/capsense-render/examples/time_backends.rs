@@ -12,7 +12,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let slab = Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) };
     let ball = Shape::Sphere { radius: 0.08 };
     // Each triangle of a ball cut into four.
-    let mesh = Shape::Mesh(Arc::new(refined(&tessellate(&ball)?)));
+    let ball_mesh = tessellate(&ball)?;
+    let mesh = Shape::Mesh(Arc::new(refined(&ball_mesh)));
     let capsule = Shape::Capsule { radius: 0.03, length: 0.2 };
     for (name, shape, pixels) in [
         ("box, 12 triangles", slab, 64),

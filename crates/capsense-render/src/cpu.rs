@@ -12,6 +12,9 @@ use capsense_core::geometry::{Pose, Shape};
 use capsense_core::occupancy::{DepthLayers, OrthographicView, Surfaces};
 use glam::{DMat3, DVec2, DVec3};
 
+/// Objects that stay this far inside the domain in z (metres) need not be cut to it.
+const CUT_MARGIN: f64 = 1e-6;
+
 /// Draws depth layers without a GPU.
 #[derive(Clone, Debug)]
 pub struct CpuRenderer {
@@ -46,7 +49,8 @@ impl CpuRenderer {
         self.scene.check_poses(poses)?;
         prepare(out, &self.view, poses.len());
         for (index, (object, pose)) in self.scene.objects().iter().zip(poses).enumerate() {
-            if !object.bounds(pose).intersects(&self.view.domain) {
+            let bounds = object.bounds(pose);
+            if !bounds.intersects(&self.view.domain) {
                 continue;
             }
             let (front, back) = out.layer_mut(index);
@@ -55,9 +59,12 @@ impl CpuRenderer {
             for corners in object.triangles() {
                 target.draw(corners.map(|v| self.pixels[v as usize]));
             }
-            let (near, far) = (self.view.domain.min.z as f32, self.view.domain.max.z as f32);
-            for (front, back) in target.front.iter_mut().zip(&mut *target.back) {
-                clamp_pixel(front, back, near, far);
+            let domain = &self.view.domain;
+            if bounds.min.z < domain.min.z + CUT_MARGIN || bounds.max.z > domain.max.z - CUT_MARGIN {
+                let (near, far) = (domain.min.z as f32, domain.max.z as f32);
+                for (front, back) in target.front.iter_mut().zip(&mut *target.back) {
+                    clamp_pixel(front, back, near, far);
+                }
             }
         }
         Ok(())
@@ -94,13 +101,21 @@ struct Target<'a> {
 
 impl Target<'_> {
     /// Draws a triangle given in pixels (x, y) and metres (z).
-    fn draw(&mut self, mut corners: [DVec3; 3]) {
-        corners.sort_unstable_by(|a, b| a.y.total_cmp(&b.y));
-        let [low, middle, high] = corners;
-        let first_row = first_centre(low.y, self.height);
-        let end_row = first_centre(high.y, self.height);
-        if first_row == end_row {
+    fn draw(&mut self, [mut low, mut middle, mut high]: [DVec3; 3]) {
+        // Most triangles of a fine mesh pass between the centres; leave before any division.
+        let (least, most) = (low.min(middle).min(high), low.max(middle).max(high));
+        let (first_row, end_row) = (first_centre(least.y, self.height), first_centre(most.y, self.height));
+        if first_row >= end_row || first_centre(least.x, self.width) >= first_centre(most.x, self.width) {
             return;
+        }
+        if low.y > middle.y {
+            std::mem::swap(&mut low, &mut middle);
+        }
+        if middle.y > high.y {
+            std::mem::swap(&mut middle, &mut high);
+        }
+        if low.y > middle.y {
+            std::mem::swap(&mut low, &mut middle);
         }
         let (u, v) = (middle - low, high - low);
         // Twice the signed area; the plane z(x, y) has the slopes (gx, gy).
@@ -110,8 +125,7 @@ impl Target<'_> {
         }
         let gx = (u.z * v.y - v.z * u.y) / area;
         let gy = (v.z * u.x - u.z * v.x) / area;
-        let lowest = low.z.min(middle.z).min(high.z) as f32;
-        let highest = low.z.max(middle.z).max(high.z) as f32;
+        let (lowest, highest) = (least.z as f32, most.z as f32);
 
         let long = Edge::new(low, high);
         let (lower, upper) = (Edge::new(low, middle), Edge::new(middle, high));
@@ -142,8 +156,10 @@ impl Target<'_> {
 
 /// The first pixel whose centre is not before a coordinate, at most `count`.
 fn first_centre(coordinate: f64, count: usize) -> usize {
-    // The conversion saturates: negative becomes 0.
-    ((coordinate - 0.5).ceil() as usize).min(count)
+    // Rounds up without `ceil`, which is a function call on baseline x86-64.
+    let place = (coordinate - 0.5).max(0.0).min(count as f64);
+    let below = place as usize;
+    below + usize::from(place > below as f64)
 }
 
 /// An edge of a triangle, from smaller to larger y.

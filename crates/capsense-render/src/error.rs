@@ -43,12 +43,12 @@ pub enum RenderError {
     /// The only adapter is a software one, and those were excluded.
     #[error("the only graphics adapter is the software one `{0}`")]
     OnlySoftwareAdapter(String),
-    /// The adapter would not open.
-    #[error("the graphics adapter `{adapter}` would not open: {reason}")]
+    /// The adapter would not open, or cannot do what is needed.
+    #[error("the graphics adapter `{adapter}` cannot be used: {reason}")]
     Device {
         /// Name of the adapter.
         adapter: String,
-        /// What the driver said.
+        /// What the driver said, or what is missing.
         reason: String,
     },
     /// The image or a mesh is larger than the adapter can take.

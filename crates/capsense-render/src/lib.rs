@@ -1,6 +1,6 @@
 //! Orthographic depth layers of CapSense scenes, drawn on the GPU or by the CPU.
 //!
-//! [`mesh_file`] loads object surfaces, [`tessellate`] turns every [`Shape`](capsense_core::geometry::Shape) into
+//! [`mesh_file`] loads object surfaces, [`mod@tessellate`] turns every [`Shape`](capsense_core::geometry::Shape) into
 //! triangles, [`scene`] keeps them ready for drawing, [`gpu`] and [`cpu`] draw them, and [`DepthRenderer`] chooses
 //! between the two. The result is the same on both paths:
 //! [`DepthLayers`](capsense_core::occupancy::DepthLayers) with a front and a back surface for every object.

@@ -7,7 +7,7 @@ use capsense_core::geometry::{Aabb, Pose, Shape, TriangleMesh};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_render::tessellate::CHORD_ERROR;
 use capsense_render::{Backend, CpuRenderer, DepthRenderer, GpuOptions, GpuRenderer, RenderError};
-use common::{DOMAIN, both, depth_rounding, near_silhouette, pose, view};
+use common::{DOMAIN, both, depth_rounding, made, near_silhouette, pose, view};
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -142,15 +142,15 @@ fn a_mesh_far_from_its_origin_is_as_sharp_as_any() {
 }
 
 #[test]
-fn a_flat_mesh_seen_edge_on_or_face_on() {
+fn a_flat_mesh_from_its_face_its_edge_and_between() {
     let square = |corners: [[f64; 3]; 4]| {
         let vertices = corners.map(DVec3::from_array).to_vec();
         Shape::Mesh(Arc::new(TriangleMesh::new(vertices, vec![[0, 1, 2], [0, 2, 3]]).unwrap()))
     };
     let face_on = square([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]]);
-    let at = Pose::at(DVec3::new(0.0, 0.0, 0.2));
-    let tilted = pose([0.0, 0.0, 0.2], [0.0, 1.0, 0.0], 90.0);
-    for (name, layers) in NAMES.iter().zip(&both(view(32, 32), &[face_on.clone(), face_on], &[at, tilted])) {
+    let shapes = vec![face_on; 3];
+    let turned = |degrees| pose([0.0, 0.0, 0.2], [0.0, 1.0, 0.0], degrees);
+    for (name, layers) in NAMES.iter().zip(&both(view(32, 32), &shapes, &[0.0, 90.0, 45.0].map(turned))) {
         let centre = 16 * 32 + 16;
         assert!((layers.front(0)[centre] - 0.2).abs() < 1e-6, "{name}: {}", layers.front(0)[centre]);
         assert!((layers.back(0)[centre] - 0.2).abs() < 1e-6, "{name}");
@@ -158,13 +158,31 @@ fn a_flat_mesh_seen_edge_on_or_face_on() {
             layers.front(1).iter().all(|z| z.is_infinite()),
             "{name}: a surface seen edge-on has no pixels"
         );
+        // Tilted by 45 degrees it falls by 1 m a metre and is seen up to the ends of its extent in z.
+        for pixel in 0..32 * 32 {
+            let at = layers.view().pixel_centre(pixel % 32, pixel / 32);
+            let inside = at.x.abs() < 0.1 * 0.5_f64.sqrt() && at.y.abs() < 0.1;
+            let (front, back) = (layers.front(2)[pixel], layers.back(2)[pixel]);
+            assert_eq!((front.is_finite(), back.is_finite()), (inside, inside), "{name} at {at}");
+            if inside {
+                let error = (f64::from(front) - (0.2 - at.x)).abs().max(f64::from(back - front));
+                let rounding = depth_rounding() * layers.view().pixel_size().max_element();
+                assert!(error < 1e-6 + rounding, "{name} at {at}: {front}, {back}");
+            }
+        }
     }
+}
+
+#[test]
+fn a_renderer_can_move_to_another_thread() {
+    fn is_send<T: Send>() {}
+    is_send::<DepthRenderer>();
 }
 
 #[test]
 fn an_empty_scene_has_no_layers() {
     for backend in [Backend::Auto, Backend::Gpu, Backend::Cpu] {
-        let mut renderer = DepthRenderer::new(backend, view(64, 64), &[]).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(64, 64), &[]));
         let mut layers = DepthLayers::empty(view(8, 8), 3);
         renderer.render(&[], &mut layers).unwrap();
         assert_eq!(layers, DepthLayers::empty(view(64, 64), 0));
@@ -177,7 +195,7 @@ fn a_renderer_takes_another_scene() {
     let slab = Shape::Box { size: DVec3::new(0.3, 0.2, 0.1) };
     let at = Pose::at(DVec3::new(0.0, 0.05, 0.2));
     for backend in [Backend::Gpu, Backend::Cpu] {
-        let mut renderer = DepthRenderer::new(backend, view(16, 16), std::slice::from_ref(&sphere)).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(16, 16), std::slice::from_ref(&sphere)));
         let (mut layers, mut fresh) = (DepthLayers::empty(view(1, 1), 0), DepthLayers::empty(view(1, 1), 0));
         renderer.render(&[at], &mut layers).unwrap();
         for (shapes, view) in [
@@ -188,7 +206,7 @@ fn a_renderer_takes_another_scene() {
             let poses = vec![at; shapes.len()];
             renderer.set_scene(view, &shapes).unwrap();
             renderer.render(&poses, &mut layers).unwrap();
-            DepthRenderer::new(backend, view, &shapes).unwrap().render(&poses, &mut fresh).unwrap();
+            made(DepthRenderer::new(backend, view, &shapes)).render(&poses, &mut fresh).unwrap();
             assert_eq!(layers, fresh);
             assert_eq!(renderer.view(), &view);
         }
@@ -215,7 +233,7 @@ fn bad_input_is_refused() {
             let error = DepthRenderer::new(backend, bad, &shapes).unwrap_err();
             assert!(matches!(error, RenderError::InvalidView { .. }), "{error}");
         }
-        let mut renderer = DepthRenderer::new(backend, view(4, 4), &shapes).unwrap();
+        let mut renderer = made(DepthRenderer::new(backend, view(4, 4), &shapes));
         let mut layers = DepthLayers::empty(view(4, 4), 2);
         assert_eq!(
             renderer.render(&[Pose::IDENTITY], &mut layers),
@@ -239,7 +257,7 @@ fn an_image_beyond_the_adapter_is_refused_by_the_gpu_and_drawn_by_the_cpu() {
     let shapes = [Shape::Sphere { radius: 0.1 }];
     let error = DepthRenderer::new(Backend::Gpu, huge, &shapes).unwrap_err();
     assert!(matches!(error, RenderError::LimitExceeded { .. }), "{error}");
-    let mut renderer = DepthRenderer::new(Backend::Auto, huge, &shapes).unwrap();
+    let mut renderer = made(DepthRenderer::new(Backend::Auto, huge, &shapes));
     assert_eq!(renderer.description(), "CPU rasteriser");
     let mut layers = DepthLayers::empty(huge, 1);
     renderer.render(&[Pose::IDENTITY], &mut layers).unwrap();
@@ -249,7 +267,7 @@ fn an_image_beyond_the_adapter_is_refused_by_the_gpu_and_drawn_by_the_cpu() {
 #[test]
 fn auto_never_chooses_a_software_adapter() {
     let shapes = [Shape::Sphere { radius: 0.1 }];
-    let auto = DepthRenderer::new(Backend::Auto, view(4, 4), &shapes).unwrap();
+    let auto = made(DepthRenderer::new(Backend::Auto, view(4, 4), &shapes));
     let real =
         GpuRenderer::new(GpuOptions { allow_software: false, ..Default::default() }, view(4, 4), &shapes);
     match real {
@@ -263,7 +281,7 @@ fn auto_never_chooses_a_software_adapter() {
             assert!(!auto.uses_graphics_adapter());
         }
     }
-    let any = DepthRenderer::new(Backend::Gpu, view(4, 4), &shapes).unwrap();
+    let any = made(DepthRenderer::new(Backend::Gpu, view(4, 4), &shapes));
     assert!(any.uses_graphics_adapter() && !any.description().is_empty());
 }
 

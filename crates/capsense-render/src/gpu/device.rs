@@ -46,7 +46,10 @@ pub(super) struct GpuDevice {
 impl GpuDevice {
     /// Opens the fastest adapter: a discrete GPU, else an integrated one, else a software one if allowed.
     pub(super) fn open(options: &GpuOptions) -> Result<Self, RenderError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        // OpenGL, which another crate of the program may have compiled into wgpu, cannot copy depth to a buffer.
+        descriptor.backends &= wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
         let wanted = wgpu::RequestAdapterOptions {
             power_preference: wgpu::PowerPreference::HighPerformance,
             ..Default::default()
@@ -58,6 +61,11 @@ impl GpuDevice {
         let description = describe(&info);
         if software && !options.allow_software {
             return Err(RenderError::OnlySoftwareAdapter(description));
+        }
+        let copies = wgpu::DownlevelFlags::DEPTH_TEXTURE_AND_BUFFER_COPIES;
+        if !adapter.get_downlevel_capabilities().flags.contains(copies) {
+            let reason = "it cannot copy depth to a buffer".to_owned();
+            return Err(RenderError::Device { adapter: description, reason });
         }
         let limits = adapter.limits();
         let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {

@@ -24,14 +24,21 @@ pub fn pose(position: [f64; 3], axis: [f64; 3], degrees: f64) -> Pose {
     }
 }
 
-pub fn gpu(options: GpuOptions, view: OrthographicView, shapes: &[Shape]) -> GpuRenderer {
-    match GpuRenderer::new(options, view, shapes) {
+/// A renderer, or a message that says how to get one.
+#[track_caller]
+pub fn made<T>(result: Result<T, RenderError>) -> T {
+    match result {
         Ok(renderer) => renderer,
         Err(RenderError::NoAdapter(reason)) => {
             panic!("these tests need Vulkan: install mesa-vulkan-drivers and libvulkan1 ({reason})")
         }
         Err(error) => panic!("{error}"),
     }
+}
+
+#[track_caller]
+pub fn gpu(options: GpuOptions, view: OrthographicView, shapes: &[Shape]) -> GpuRenderer {
+    made(GpuRenderer::new(options, view, shapes))
 }
 
 /// To what part of a pixel the adapter rounds vertices before it interpolates depth. Hardware does, lavapipe does not
