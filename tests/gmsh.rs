@@ -191,9 +191,9 @@ fn binary_v4(is_big: bool, size_bytes: usize) -> Vec<u8> {
     for half in 0..2 {
         out.ints(&[3, half as i32 + 1, 4]);
         out.sizes(&[3]);
-        for index in 3 * half..3 * half + 3 {
+        for (index, nodes) in TETS.iter().enumerate().skip(3 * half).take(3) {
             out.sizes(&[index as u64 + 101]);
-            out.sizes(&TETS[index]);
+            out.sizes(nodes);
         }
     }
     out.text("\n$EndElements\n");
@@ -519,6 +519,10 @@ fn errors_of_elements_are_told() {
         damage_v2("102 4 4 1 1 1 1 1 4 3 8", "102 4 4 1 1 1 1 1 2 4 8"),
         GmshError::DuplicateTet(101, 102)
     );
+    for again in ["4 2 0 1 1 2 4 8", "4 0 1 2 4 8", "4 2 20 1 2 4 1 8"] {
+        let error = damage_v2("$Elements\n11", &format!("$Elements\n12\n99 {again}"));
+        assert_eq!(error, GmshError::DuplicateTet(99, 101));
+    }
     assert_eq!(damage_v4("102 1 4 3 8", "102 2 4 1 8"), GmshError::DuplicateTet(101, 102));
     assert_eq!(damage_v4("105 1 5 6 8", "105 1 2 4 8"), GmshError::DuplicateTet(101, 105));
 }
