@@ -442,6 +442,8 @@ fn errors_of_counts_are_told_before_memory_is_taken() {
     for (error, at, what) in cases {
         assert_eq!(count(error), (at, what, huge));
     }
+    // A node takes eight bytes of text or more: 200 do not fit into the 500 that are left.
+    assert_eq!(count(damage_v2("$Nodes\n8", "$Nodes\n200")), (At::Line(11), "nodes", 200));
     assert_eq!(
         damage_v4("2 8 1 8", "2 9 1 8"),
         GmshError::Total { at: At::Line(20), what: "nodes", claimed: 9, found: 8 }
@@ -724,13 +726,16 @@ fn what_is_written_is_read_back() {
 
 #[test]
 fn boundary_faces_point_outwards() {
-    let mesh = lattice();
-    let flux: f64 = gmsh::boundary_faces(&mesh)
-        .iter()
-        .map(|face| face.map(|node| mesh.nodes()[node as usize]))
-        .map(|[a, b, c]| a.dot(b.cross(c)) / 6.0)
-        .sum();
-    assert!((flux / mesh.volume() - 1.0).abs() < 1e-12, "{flux}");
+    // On a Kuhn lattice some sides of the elements are never on the boundary; on one tetrahedron all are.
+    let corners = [DVec3::ONE, DVec3::ONE + DVec3::X, DVec3::ONE + DVec3::Y, DVec3::ONE + DVec3::Z];
+    let single = TetMesh::new(corners.to_vec(), vec![[0, 1, 2, 3]]).unwrap();
+    assert_eq!(gmsh::boundary_faces(&single).len(), 4);
+    for mesh in [lattice(), single] {
+        let faces = gmsh::boundary_faces(&mesh);
+        let corners = faces.iter().map(|face| face.map(|node| mesh.nodes()[node as usize]));
+        let volume: f64 = corners.map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum();
+        assert!((volume / mesh.volume() - 1.0).abs() < 1e-12, "{volume}");
+    }
 }
 
 #[test]
