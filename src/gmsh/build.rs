@@ -97,16 +97,6 @@ impl Labels {
         }
         self.last.1
     }
-
-    fn union(&mut self, a: u32, b: u32) -> u32 {
-        let both = [self.lists[a as usize].as_slice(), self.lists[b as usize].as_slice()].concat();
-        self.number(both)
-    }
-
-    fn disjoint(&self, a: u32, b: u32) -> bool {
-        let second = &self.lists[b as usize];
-        !self.lists[a as usize].iter().any(|group| second.contains(group))
-    }
 }
 
 /// From a node's tag to its index.
@@ -276,15 +266,12 @@ impl Builder {
         }
         self.index_nodes(cursor)?;
         let Self { nodes, node_tags, mut triangles, mut tets, mut labels, groups, .. } = self;
-        merge(&mut triangles, &mut labels, |_, _, _| true)?;
-        // Format 2.2 has room for one group only, so Gmsh writes an element of two groups twice.
-        merge(&mut tets, &mut labels, |labels, a, b| {
-            version == FormatVersion::V2_2
-                && a.nodes == b.nodes
-                && a.label != 0
-                && b.label != 0
-                && labels.disjoint(a.label, b.label)
-        })?;
+        merge(&mut triangles, &mut labels, Repeats::Merged)?;
+        let repeats = match version {
+            FormatVersion::V2_2 => Repeats::OfOtherGroups,
+            FormatVersion::V4_1 => Repeats::Refused,
+        };
+        merge(&mut tets, &mut labels, repeats)?;
         let groups = groups
             .into_iter()
             .map(|((dimension, tag), name)| PhysicalGroup { dimension, tag, name })
@@ -293,12 +280,24 @@ impl Builder {
     }
 }
 
-/// Makes one element with the labels of both out of two with the same nodes, where that is allowed. The others keep
+/// What becomes of elements with the same nodes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Repeats {
+    /// They become one.
+    Merged,
+    /// They become one if each is in another group and none is turned over: format 2.2 has room for one group only,
+    /// so Gmsh writes an element of two groups twice.
+    OfOtherGroups,
+    /// They are a defect.
+    Refused,
+}
+
+/// Makes one element in the groups of all out of those with the same nodes, where that is allowed. The others keep
 /// their order.
 fn merge<const N: usize>(
     elements: &mut Vec<Element<N>>,
     labels: &mut Labels,
-    allowed: impl Fn(&Labels, &Element<N>, &Element<N>) -> bool,
+    repeats: Repeats,
 ) -> Result<(), GmshError> {
     let mut order: Vec<([u32; N], usize)> = elements
         .iter()
@@ -311,15 +310,29 @@ fn merge<const N: usize>(
         .collect();
     order.sort_unstable();
     let mut dropped = vec![false; elements.len()];
-    for same in order.chunk_by(|a, b| a.0 == b.0) {
-        let first = same[0].1;
-        for &(_, other) in &same[1..] {
-            if !allowed(labels, &elements[first], &elements[other]) {
-                return Err(GmshError::DuplicateTet(elements[first].tag, elements[other].tag));
+    for same in order.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
+        let first = elements[same[0].1];
+        let mut groups: BTreeSet<i32> = labels.lists[first.label as usize].iter().copied().collect();
+        let is_labelled = !groups.is_empty();
+        for &(_, index) in &same[1..] {
+            let other = elements[index];
+            let list = &labels.lists[other.label as usize];
+            let is_elsewhere = is_labelled
+                && !list.is_empty()
+                && first.nodes == other.nodes
+                && !list.iter().any(|group| groups.contains(group));
+            let is_allowed = match repeats {
+                Repeats::Merged => true,
+                Repeats::OfOtherGroups => is_elsewhere,
+                Repeats::Refused => false,
+            };
+            if !is_allowed {
+                return Err(GmshError::DuplicateTet(first.tag, other.tag));
             }
-            elements[first].label = labels.union(elements[first].label, elements[other].label);
-            dropped[other] = true;
+            groups.extend(list);
+            dropped[index] = true;
         }
+        elements[same[0].1].label = labels.number(groups);
     }
     let mut dropped = dropped.into_iter();
     elements.retain(|_| !dropped.next().unwrap_or(false));

@@ -40,9 +40,12 @@ impl<'a> Cursor<'a> {
 
     /// Where the next number begins.
     pub(super) fn mark(&mut self) -> usize {
-        if self.encoding == Encoding::Ascii {
-            self.skip_whitespace();
-        }
+        if self.encoding == Encoding::Ascii { self.text_mark() } else { self.position }
+    }
+
+    /// Where the next text begins, in a binary file too.
+    pub(super) fn text_mark(&mut self) -> usize {
+        self.skip_whitespace();
         self.position
     }
 
@@ -67,14 +70,13 @@ impl<'a> Cursor<'a> {
         self.bytes.get(self.position..).unwrap_or_default()
     }
 
-    pub(super) fn skip_whitespace(&mut self) {
+    fn skip_whitespace(&mut self) {
         self.position += self.rest().iter().take_while(|byte| byte.is_ascii_whitespace()).count();
     }
 
     /// The next text token and where it begins, whatever the encoding; `None` at the end of the file.
     pub(super) fn token(&mut self) -> Option<(usize, &'a [u8])> {
-        self.skip_whitespace();
-        let mark = self.position;
+        let mark = self.text_mark();
         let rest = self.rest();
         let length = rest.iter().take_while(|byte| !byte.is_ascii_whitespace()).count();
         self.position += length;
@@ -111,8 +113,7 @@ impl<'a> Cursor<'a> {
 
     /// Text in double quotes that ends on the line on which it begins.
     pub(super) fn quoted(&mut self, expected: &'static str) -> Result<String, GmshError> {
-        self.skip_whitespace();
-        let mark = self.position;
+        let mark = self.text_mark();
         let rest = self.rest();
         let line = rest.split(|&byte| byte == b'\n').next().unwrap_or_default();
         if line.is_empty() {

@@ -209,8 +209,8 @@ pub enum GmshError {
         /// All groups of these dimensions.
         known: Vec<PhysicalGroup>,
     },
-    /// A name or number that a surface and a volume both have.
-    #[error("physical group {0} is both a surface and a volume; rename one of them")]
+    /// A name or number that several of the groups have.
+    #[error("physical group {0} is ambiguous: several surfaces or volumes have that name or number")]
     AmbiguousGroup(GroupKey),
     /// A physical group without triangles or tetrahedra.
     #[error("{0} has no elements")]

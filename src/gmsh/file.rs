@@ -158,10 +158,18 @@ impl GmshFile {
     /// # Errors
     /// When no surface or volume has that name or number, both have, or it has no elements.
     pub fn nodes_of(&self, key: impl Into<GroupKey>) -> Result<Vec<u32>, GmshError> {
-        let group = self.group(key, &[2, 3])?;
+        self.group_nodes(self.group(key, &[2, 3])?)
+    }
+
+    /// Indices of the nodes of a surface or volume, ascending.
+    ///
+    /// # Errors
+    /// When it has no triangles or tetrahedra; points and curves never have any.
+    pub fn group_nodes(&self, group: &PhysicalGroup) -> Result<Vec<u32>, GmshError> {
         let mut nodes: Vec<u32> = match group.dimension {
             2 => self.members(&self.triangles, group.tag).flat_map(|(_, triangle)| triangle.nodes).collect(),
-            _ => self.members(&self.tets, group.tag).flat_map(|(_, tet)| tet.nodes).collect(),
+            3 => self.members(&self.tets, group.tag).flat_map(|(_, tet)| tet.nodes).collect(),
+            _ => Vec::new(),
         };
         if nodes.is_empty() {
             return Err(GmshError::EmptyGroup(group.clone()));

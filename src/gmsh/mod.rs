@@ -32,7 +32,7 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
     let mut builder = Builder::new();
     let mut entities = v4::Entities::new();
     let version = loop {
-        let (mark, name) = section(cursor)?.ok_or(GmshError::NotGmsh)?;
+        let (mark, name) = section(cursor).ok().flatten().ok_or(GmshError::NotGmsh)?;
         match name.as_str() {
             "MeshFormat" => break mesh_format(cursor)?,
             "Comments" => cursor.skip_section(mark, &name)?,
@@ -121,6 +121,8 @@ fn mesh_format(cursor: &mut Cursor<'_>) -> Result<FormatVersion, GmshError> {
     } else if number == 4.1 {
         FormatVersion::V4_1
     } else {
+        // Gmsh itself writes 4.0 as `4`.
+        let version = if number == 4.0 { "4.0".to_owned() } else { version };
         return Err(GmshError::Version { at: cursor.at(mark), version });
     };
     let mark = cursor.mark();
@@ -145,13 +147,12 @@ fn mesh_format(cursor: &mut Cursor<'_>) -> Result<FormatVersion, GmshError> {
 
 /// number-of-names, then for each: dimension number "name".
 fn physical_names(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
-    let mark = cursor.mark();
+    let mark = cursor.text_mark();
     let claimed = cursor.text_size("the number of physical names")?;
     cursor.check_count(claimed, "physical names", mark, Record { ints: 3, ..Record::default() })?;
     for _ in 0..claimed {
         const EXPECTED: &str = "the dimension (0 to 3) of a physical group";
-        cursor.skip_whitespace();
-        let mark = cursor.mark();
+        let mark = cursor.text_mark();
         let dimension = cursor.text_int(EXPECTED)?;
         let dimension = u8::try_from(dimension)
             .ok()

@@ -8,7 +8,7 @@ use super::error::GmshError;
 
 /// number-of-nodes, then for each node: tag x y z.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
-    let mark = cursor.mark();
+    let mark = cursor.text_mark();
     let claimed = cursor.text_size("the number of nodes")?;
     cursor.start_data()?;
     let count = cursor.check_count(claimed, "nodes", mark, Record { ints: 1, reals: 3, sizes: 0 })?;
@@ -25,7 +25,7 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<()
 /// number-of-elements, then for each element: tag type number-of-tags tags nodes; in binary files the elements stand
 /// in blocks that are headed by: type number-of-elements number-of-tags.
 pub(super) fn elements(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
-    let mark = cursor.mark();
+    let mark = cursor.text_mark();
     let claimed = cursor.text_size("the number of elements")?;
     cursor.start_data()?;
     cursor.check_count(claimed, "elements", mark, Record { ints: 2, ..Record::default() })?;

@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn regular_tetrahedron_is_the_best() {
-        let quality = single([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]);
+        let quality = single([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0]]);
         let angle = (1.0f64 / 3.0).acos().to_degrees();
         assert_relative_eq!(quality.min_dihedral_degrees, angle, max_relative = 1e-12);
         assert_relative_eq!(quality.max_dihedral_degrees, angle, max_relative = 1e-12);
