@@ -68,7 +68,9 @@ impl Source {
             Err(error) => {
                 let at = error.span().unwrap_or(0..0);
                 let line = lines.of(at.start);
-                let key = key_around(&places, &at).or_else(|| source.first_key_of_line(line));
+                let key = key_around(&places, &at)
+                    .or_else(|| source.first_key_of_line(line))
+                    .or_else(|| repeated_key(&places, text, &at));
                 Err(SceneError::Invalid { file: source.file, line, key, message: one_line(error.message()) })
             }
         }
@@ -162,6 +164,16 @@ fn key_around(places: &[Place], span: &Range<usize>) -> Option<String> {
         .filter(|(range, _)| holds(range))
         .min_by_key(|(range, key)| (range.len(), std::cmp::Reverse(key.len())))
         .map(|(_, key)| key.clone())
+}
+
+/// A key that is given twice is known by its neighbour before it in the same table.
+fn repeated_key(places: &[Place], text: &str, span: &Range<usize>) -> Option<String> {
+    let name = text.get(span.clone())?.trim();
+    let before = places.iter().filter(|place| place.spot.start < span.start);
+    let neighbour = before.max_by_key(|place| place.spot.start)?;
+    let table = neighbour.key.rfind('.').map_or("", |end| &neighbour.key[..=end]);
+    let key = format!("{table}{name}");
+    places.iter().any(|place| place.key == key).then_some(key)
 }
 
 /// Byte offsets to lines.

@@ -8,14 +8,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-/// Two electrodes, a grounded box that moves sideways, about 3000 tetrahedra.
+/// Two electrodes, a grounded box that moves sideways, about 8000 tetrahedra.
 pub const SCENE: &str = r#"
 [domain]
 min = [-0.25, -0.25, -0.05]
 max = [0.25, 0.25, 0.45]
 
 [mesh]
-generate = { elements = 3000 }
+generate = { elements = 8000 }
 
 [sensor]
 substrate = { thickness = 2e-3, relative_permittivity = 4.4, size = [0.2, 0.2], back = "open" }
