@@ -9,7 +9,7 @@
 use crate::error::RenderError;
 use crate::scene::{RenderScene, SceneObject, check_view, clamp_pixel};
 use capsense_core::geometry::{Pose, Shape};
-use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::occupancy::{DepthLayers, OrthographicView, Surfaces};
 use glam::{DMat3, DVec2, DVec3};
 
 /// Objects that stay this far inside the domain in z (metres) need not be cut to it.

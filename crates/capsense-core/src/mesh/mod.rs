@@ -1,8 +1,10 @@
 //! Tetrahedral meshes: nodes, elements, and the permittivity of what fills them when no object is there.
 
 mod lattice;
+mod quality;
 
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
+pub use quality::MeshQuality;
 
 use crate::geometry::Aabb;
 use glam::DVec3;
