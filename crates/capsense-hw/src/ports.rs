@@ -151,10 +151,7 @@ mod tests {
     fn usb_ports_show_ids_and_whatever_the_device_says() {
         let full = usb(Some("Teensyduino"), Some("USB Serial"), Some("12345"));
         assert_eq!(full.to_string(), "/dev/ttyACM0  USB 16c0:0483 Teensyduino USB Serial, serial 12345");
-        assert_eq!(
-            usb(None, Some("USB Serial"), None).to_string(),
-            "/dev/ttyACM0  USB 16c0:0483 USB Serial"
-        );
+        assert_eq!(usb(None, Some("USB Serial"), None).to_string(), "/dev/ttyACM0  USB 16c0:0483 USB Serial");
         assert_eq!(usb(None, None, None).to_string(), "/dev/ttyACM0  USB 16c0:0483");
     }
 
