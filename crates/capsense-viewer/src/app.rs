@@ -4,7 +4,7 @@ use crate::ViewerData;
 use crate::curves::Curves;
 use crate::wireframe::{self, MeshView, Orbit};
 use egui::{RichText, ScrollArea, Ui};
-use egui_plot::{HoverPosition, Line, Plot, PlotPoint};
+use egui_plot::{AxisHints, HoverPosition, Line, Plot, PlotPoint};
 
 /// What there is to show.
 #[derive(Clone, Debug)]
@@ -58,6 +58,14 @@ impl Unit {
         match self {
             Self::Femtofarad => "fF",
             Self::Picofarad => "pF",
+        }
+    }
+
+    /// Decimals that show attofarads.
+    fn decimals(self) -> usize {
+        match self {
+            Self::Femtofarad => 3,
+            Self::Picofarad => 6,
         }
     }
 
@@ -248,17 +256,25 @@ impl RunView {
         let hover = move |at: &HoverPosition<'_>| {
             Some(match at {
                 HoverPosition::NearDataPoint { plot_name, position, .. } => {
-                    format!("{plot_name}\n{:.4} s\n{:.5} {}", position.x, position.y, unit.symbol())
+                    format!(
+                        "{plot_name}\n{:.4} s\n{:.*} {}",
+                        position.x,
+                        unit.decimals(),
+                        position.y,
+                        unit.symbol()
+                    )
                 }
                 HoverPosition::Elsewhere { position } => {
-                    format!("{:.4} s\n{:.5} {}", position.x, position.y, unit.symbol())
+                    format!("{:.4} s\n{:.*} {}", position.x, unit.decimals(), position.y, unit.symbol())
                 }
             })
         };
         // Each quantity and unit remembers its own zoom.
-        Plot::new(("curves", quantity, unit)).grid_spacing(8.0..=120.0).label_formatter(hover).show(
-            ui,
-            |plot| {
+        Plot::new(("curves", quantity, unit))
+            // Tenths get a number before they are as wide as the default asks for.
+            .custom_x_axes(vec![AxisHints::new_x().label_spacing(25.0..=50.0)])
+            .label_formatter(hover)
+            .show(ui, |plot| {
                 for (index, entry) in self.curves.entries().iter().enumerate().filter(|(i, _)| self.shown[*i])
                 {
                     plot.line(
@@ -268,8 +284,7 @@ impl RunView {
                             .width(1.8),
                     );
                 }
-            },
-        );
+            });
     }
 }
 

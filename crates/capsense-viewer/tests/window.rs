@@ -114,6 +114,37 @@ fn entries_quantity_and_unit_can_be_chosen() {
 }
 
 #[test]
+fn the_mesh_turns_with_the_pointer_and_its_parts_can_be_hidden() {
+    let mut harness = harness(run_content(Some(stripes())));
+    harness.run_steps(4);
+    let first = harness.render().unwrap();
+    let middle = harness.get_by_label_contains("Mesh picture").rect().center();
+    harness.hover_at(middle);
+    harness.run_steps(1);
+    harness.drag_at(middle);
+    harness.run_steps(2);
+    harness.hover_at(middle + egui::vec2(60.0, 20.0));
+    harness.run_steps(2);
+    harness.drop_at(middle + egui::vec2(60.0, 20.0));
+    harness.run_steps(2);
+    let turned = harness.render().unwrap();
+    let changed = differing(first.as_raw(), turned.as_raw());
+    assert!(changed > 1000, "{changed} pixels differ");
+    let edges = |harness: &Harness<'_, ViewerApp>| {
+        harness.get_by_label_contains("Mesh picture").accesskit_node().label()
+    };
+    let all = edges(&harness);
+    harness.get_by_label("ground").click();
+    harness.run_steps(2);
+    assert_ne!(edges(&harness), all);
+}
+
+/// Pixels that are not the same in two pictures of four bytes a pixel.
+fn differing(a: &[u8], b: &[u8]) -> usize {
+    a.chunks_exact(4).zip(b.chunks_exact(4)).filter(|(p, q)| p != q).count()
+}
+
+#[test]
 fn a_run_that_cannot_be_read_and_no_run_at_all_give_a_message() {
     let error = load_run(Path::new("no/such/run")).unwrap_err().to_string();
     let mut failed = harness(Content::Failed(error));
