@@ -4,7 +4,7 @@
 mod common;
 
 use capsense_core::geometry::{Aabb, Pose, Shape, TriangleMesh};
-use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::occupancy::{DepthLayers, OrthographicView, Surfaces};
 use capsense_render::tessellate::CHORD_ERROR;
 use capsense_render::{Backend, CpuRenderer, DepthRenderer, GpuOptions, GpuRenderer, RenderError};
 use common::{DOMAIN, both, depth_rounding, made, near_silhouette, pose, view};

@@ -4,7 +4,7 @@
 mod common;
 
 use capsense_core::geometry::{Pose, Shape};
-use capsense_core::occupancy::DepthLayers;
+use capsense_core::occupancy::{DepthLayers, Surfaces};
 use capsense_render::{CpuRenderer, GpuOptions};
 use common::{both, depth_rounding, gpu, lump, near_silhouette, pose, steepness, view};
 use glam::DVec3;

@@ -2,7 +2,7 @@
 #![allow(dead_code, unreachable_pub, missing_docs, clippy::unwrap_used, clippy::panic)]
 
 use capsense_core::geometry::{Aabb, Pose, Shape, TriangleMesh};
-use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::occupancy::{DepthLayers, OrthographicView, Surfaces};
 use capsense_render::{CpuRenderer, GpuOptions, GpuRenderer, RenderError};
 use glam::{DQuat, DVec3};
 use std::sync::{Arc, OnceLock};
