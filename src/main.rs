@@ -1,2 +1,16 @@
-//! x
-fn main() {}
+//! The `capsense` command: exit code 0 when all went well, 1 when something failed, 2 for bad input.
+
+mod command;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    match command::Arguments::parse().run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::from(command::exit_code(&error))
+        }
+    }
+}

@@ -2,9 +2,11 @@
 
 mod edges;
 mod lattice;
+mod quality;
 
 pub use edges::Edges;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
+pub use quality::MeshQuality;
 
 use crate::geometry::Aabb;
 use glam::DVec3;

@@ -1,0 +1,107 @@
+//! `capacitance.svg`: how every entry of the Maxwell matrix changes over time.
+
+use super::csv_table::upper_triangle;
+use super::text::Prefix;
+use anyhow::anyhow;
+use capsense::Frame;
+use capsense::core::capacitance::CapacitanceMatrix;
+use plotters::prelude::*;
+
+/// Okabe and Ito's colours, which people with any colour vision can tell apart; the yellow is left out as too pale.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(230, 159, 0),
+    RGBColor(60, 60, 60),
+];
+
+const SIZE: (u32, u32) = (1000, 600);
+
+/// Draws the change against the scene without objects. Self-capacitances are solid, couplings dashed.
+pub(super) fn curves(
+    electrodes: &[String],
+    base: &CapacitanceMatrix,
+    frames: &[Frame],
+) -> anyhow::Result<String> {
+    let mut text = String::new();
+    draw(&mut text, electrodes, base, frames).map_err(|error| anyhow!("cannot draw the curves: {error}"))?;
+    Ok(text)
+}
+
+fn draw(
+    text: &mut String,
+    electrodes: &[String],
+    base: &CapacitanceMatrix,
+    frames: &[Frame],
+) -> Result<(), Box<dyn std::error::Error>> {
+    let change = |frame: &Frame, (row, column): (usize, usize)| {
+        frame.capacitance.get(row, column) - base.get(row, column)
+    };
+    let entries: Vec<(usize, usize)> = upper_triangle(electrodes.len()).collect();
+    let all = frames.iter().flat_map(|frame| entries.iter().map(|&entry| change(frame, entry)));
+    let (low, high) = all.fold((0.0_f64, 0.0_f64), |(low, high), c| (low.min(c), high.max(c)));
+    let unit = Prefix::for_magnitude(high.max(-low));
+    let (low, high) = (unit.of(low), unit.of(high));
+    let margin = if high > low { 0.06 * (high - low) } else { 1.0 };
+    let end = frames.last().map_or(0.0, |frame| frame.time_s);
+
+    let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    // The legend has a column of its own, so that it never covers a curve.
+    let (plot, legend) = root.split_horizontally(SIZE.0 - 150);
+    let mut chart = ChartBuilder::on(&plot)
+        .caption("Change of the capacitance matrix by the objects", ("sans-serif", 20))
+        .margin(12)
+        .x_label_area_size(44)
+        .y_label_area_size(76)
+        .build_cartesian_2d(0.0..if end > 0.0 { end } else { 1.0 }, low - margin..high + margin)?;
+    chart
+        .configure_mesh()
+        .x_desc("time [s]")
+        .y_desc(format!("C - C without objects [{}]", unit.symbol))
+        .axis_desc_style(("sans-serif", 16))
+        .label_style(("sans-serif", 13))
+        .light_line_style(WHITE)
+        .bold_line_style(RGBColor(220, 220, 220))
+        .y_label_formatter(&|value| tick(*value, high - low))
+        .draw()?;
+    for (index, &entry) in entries.iter().enumerate() {
+        let points = || frames.iter().map(|frame| (frame.time_s, unit.of(change(frame, entry))));
+        let style = COLOURS[index % COLOURS.len()].stroke_width(2);
+        if frames.len() == 1 {
+            chart.draw_series(points().map(|point| Circle::new(point, 4, style.filled())))?;
+        } else if entry.0 == entry.1 {
+            chart.draw_series(LineSeries::new(points(), style))?;
+        } else {
+            chart.draw_series(DashedLineSeries::new(points(), 7, 4, style))?;
+        }
+        let y = 52 + 20 * index as i32;
+        if entry.0 == entry.1 {
+            legend.draw(&PathElement::new(vec![(0, y), (28, y)], style))?;
+        } else {
+            for x in [0, 11, 22] {
+                legend.draw(&PathElement::new(vec![(x, y), (x + 7, y)], style))?;
+            }
+        }
+        let label = format!("{} {}", electrodes[entry.0], electrodes[entry.1]);
+        legend.draw(&Text::new(label, (36, y - 8), ("sans-serif", 14)))?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+/// A label with as many decimals as the range needs.
+fn tick(value: f64, range: f64) -> String {
+    let decimals = if range >= 50.0 {
+        0
+    } else if range >= 5.0 {
+        1
+    } else {
+        2
+    };
+    let text = format!("{value:.decimals$}");
+    if text.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') { "0".to_owned() } else { text }
+}

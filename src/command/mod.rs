@@ -1,0 +1,69 @@
+//! The subcommands and what they share: arguments and exit codes.
+
+mod csv_table;
+mod curves;
+mod interrupt;
+mod mesh;
+mod mesh_info;
+mod output;
+mod ports;
+mod report;
+mod run;
+mod solve;
+mod text;
+
+use capsense::{PipelineError, Scene, SceneError};
+use clap::{Parser, Subcommand};
+use std::path::Path;
+
+/// Simulates capacitive proximity sensors: what every electrode pair measures while objects move nearby.
+#[derive(Debug, Parser)]
+#[command(version, after_help = "Example:\n  capsense run\n  capsense run scene.toml --out results")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::RunArguments),
+    Solve(solve::SolveArguments),
+    Mesh(mesh::MeshArguments),
+    Ports(ports::PortsArguments),
+}
+
+impl Arguments {
+    pub(crate) fn run(self) -> anyhow::Result<()> {
+        match self.command {
+            Command::Run(arguments) => run::run(&arguments),
+            Command::Solve(arguments) => solve::solve(&arguments),
+            Command::Mesh(arguments) => mesh::mesh(&arguments),
+            Command::Ports(arguments) => ports::ports(&arguments),
+        }
+    }
+}
+
+/// An argument or a file that the user must mend.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct BadInput(String);
+
+/// 2 for bad input, 1 for everything else.
+pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
+    let of_scene = |error: &PipelineError| matches!(error, PipelineError::Scene(_));
+    let bad_input = error.chain().any(|cause| {
+        cause.is::<SceneError>()
+            || cause.is::<BadInput>()
+            || cause.downcast_ref::<PipelineError>().is_some_and(of_scene)
+    });
+    if bad_input { 2 } else { 1 }
+}
+
+/// Reads a scene, or takes the built-in one, and prints its warnings.
+fn load_scene(path: Option<&Path>) -> Result<Scene, SceneError> {
+    let scene = path.map_or_else(Scene::built_in, Scene::load)?;
+    for warning in &scene.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(scene)
+}

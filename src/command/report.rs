@@ -1,0 +1,137 @@
+//! `report.json`: what was computed, how, how well and how fast.
+
+use super::solve::{MeshSize, preconditioner_name};
+use super::text::percentile;
+use capsense::pipeline::Milliseconds;
+use capsense::{Frame, Pipeline, Scene};
+use serde::Serialize;
+
+/// Everything about a run except its curves.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    version: &'static str,
+    scene: &'a str,
+    electrodes: &'a [String],
+    objects: Vec<&'a str>,
+    domain: Domain,
+    mesh: MeshSize,
+    method: Method<'a>,
+    solver: Solver,
+    frames: Frames,
+    milliseconds: Timing,
+    base_farads: Vec<&'a [f64]>,
+    warnings: &'a [String],
+}
+
+#[derive(Serialize)]
+struct Domain {
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Method<'a> {
+    geometry: &'static str,
+    interface: &'static str,
+    pixels: [usize; 2],
+    back_fill: bool,
+    renderer: &'a str,
+}
+
+#[derive(Serialize)]
+struct Solver {
+    preconditioner: &'static str,
+    tolerance: f64,
+    threads: usize,
+    iterations_median: f64,
+    iterations_max: f64,
+    relative_error_final: f64,
+    relative_error_max: f64,
+}
+
+#[derive(Serialize)]
+struct Frames {
+    planned: usize,
+    computed: usize,
+    interrupted: bool,
+    frame_rate: f64,
+}
+
+#[derive(Serialize)]
+struct Timing {
+    setup: f64,
+    geometry: Spread,
+    update: Spread,
+    solve: Spread,
+    total: Spread,
+}
+
+/// Median, 95th percentile and maximum over frames.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Spread {
+    pub(super) median: f64,
+    pub(super) p95: f64,
+    pub(super) max: f64,
+}
+
+impl Spread {
+    /// Of one part of the frame time.
+    pub(super) fn of(frames: &[Frame], part: impl Fn(&Milliseconds) -> f64) -> Self {
+        let values: Vec<f64> = frames.iter().map(|frame| part(&frame.milliseconds)).collect();
+        let at = |rank| percentile(&values, rank);
+        Self { median: at(0.5), p95: at(0.95), max: at(1.0) }
+    }
+}
+
+impl<'a> Report<'a> {
+    /// Sums up a run; `setup` is the time in milliseconds until the first frame.
+    pub(super) fn new(
+        scene: &'a Scene,
+        pipeline: &'a Pipeline,
+        frames: &[Frame],
+        setup: f64,
+        interrupted: bool,
+    ) -> Self {
+        let iterations: Vec<f64> = frames.iter().map(|frame| frame.solve.iterations as f64).collect();
+        let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
+        Self {
+            version: env!("CARGO_PKG_VERSION"),
+            scene: scene.source.file(),
+            electrodes: &scene.electrodes,
+            objects: scene.objects.iter().map(|object| object.name.as_str()).collect(),
+            domain: Domain { min: scene.domain.min.to_array(), max: scene.domain.max.to_array() },
+            mesh: MeshSize::of(pipeline),
+            method: Method {
+                geometry: "camera",
+                interface: "edge-cut",
+                pixels: [scene.view.width, scene.view.height],
+                back_fill: scene.back_fill,
+                renderer: pipeline.renderer(),
+            },
+            solver: Solver {
+                preconditioner: preconditioner_name(scene),
+                tolerance: scene.solver.tolerance,
+                threads: 1,
+                iterations_median: percentile(&iterations, 0.5),
+                iterations_max: percentile(&iterations, 1.0),
+                relative_error_final: errors.last().copied().unwrap_or(0.0),
+                relative_error_max: percentile(&errors, 1.0),
+            },
+            frames: Frames {
+                planned: scene.frames,
+                computed: frames.len(),
+                interrupted,
+                frame_rate: scene.frame_rate,
+            },
+            milliseconds: Timing {
+                setup,
+                geometry: Spread::of(frames, |took| took.geometry),
+                update: Spread::of(frames, |took| took.update),
+                solve: Spread::of(frames, |took| took.solve),
+                total: Spread::of(frames, |took| took.total),
+            },
+            base_farads: pipeline.simulator().base().rows().collect(),
+            warnings: &scene.warnings,
+        }
+    }
+}

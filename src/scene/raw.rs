@@ -1,0 +1,222 @@
+//! The scene file as it is written: names and types only, nothing checked. Unknown keys are errors.
+
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawScene {
+    pub(super) domain: Option<RawDomain>,
+    #[serde(default)]
+    pub(super) mesh: RawMesh,
+    #[serde(default)]
+    pub(super) sensor: RawSensor,
+    #[serde(default)]
+    pub(super) camera: RawCamera,
+    #[serde(default)]
+    pub(super) object: Vec<RawObject>,
+    #[serde(default)]
+    pub(super) simulation: RawSimulation,
+    #[serde(default)]
+    pub(super) solver: RawSolver,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawDomain {
+    pub(super) min: [f64; 3],
+    pub(super) max: [f64; 3],
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMesh {
+    pub(super) generate: Option<RawGenerate>,
+    pub(super) file: Option<String>,
+    pub(super) unit: Option<String>,
+    pub(super) groups: Option<BTreeMap<String, RawGroup>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawGenerate {
+    pub(super) elements: Option<i64>,
+    pub(super) tolerance: Option<f64>,
+    pub(super) kind: Option<MeshKind>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum MeshKind {
+    Lattice,
+    Bisection,
+}
+
+/// A physical group of a mesh file, by name or by number.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum RawGroup {
+    Number(i64),
+    Name(String),
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSensor {
+    pub(super) substrate: Option<RawSubstrate>,
+    #[serde(default)]
+    pub(super) electrode: Vec<RawElectrode>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSubstrate {
+    pub(super) thickness: f64,
+    pub(super) relative_permittivity: f64,
+    pub(super) size: [f64; 2],
+    #[serde(default)]
+    pub(super) back: RawBack,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawBack {
+    #[default]
+    Open,
+    Grounded,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawElectrode {
+    pub(super) name: String,
+    pub(super) rectangle: Option<RawRectangle>,
+    pub(super) disk: Option<RawDisk>,
+    pub(super) polygon: Option<Vec<[f64; 2]>>,
+    pub(super) stl: Option<String>,
+    pub(super) unit: Option<String>,
+    pub(super) z: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawRectangle {
+    pub(super) center: [f64; 2],
+    pub(super) size: [f64; 2],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawDisk {
+    pub(super) center: [f64; 2],
+    pub(super) radius: f64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawCamera {
+    pub(super) pixels: Option<[i64; 2]>,
+    pub(super) layers: Option<i64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawObject {
+    pub(super) name: String,
+    #[serde(rename = "box")]
+    pub(super) cuboid: Option<RawBox>,
+    pub(super) sphere: Option<RawSphere>,
+    pub(super) capsule: Option<RawRod>,
+    pub(super) cylinder: Option<RawRod>,
+    pub(super) file: Option<String>,
+    pub(super) unit: Option<String>,
+    pub(super) material: RawMaterial,
+    pub(super) position: Option<[f64; 3]>,
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) trajectory: Option<RawTrajectory>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawBox {
+    pub(super) size: [f64; 3],
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSphere {
+    pub(super) radius: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawRod {
+    pub(super) radius: f64,
+    pub(super) length: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMaterial {
+    pub(super) conductor: Option<RawConnection>,
+    pub(super) relative_permittivity: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawConnection {
+    Grounded,
+    Floating,
+    Capacitance(f64),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawTrajectory {
+    pub(super) file: Option<String>,
+    pub(super) waypoints: Option<Vec<[f64; 3]>>,
+    pub(super) speed: Option<f64>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSimulation {
+    pub(super) frame_rate: Option<f64>,
+    pub(super) frames: Option<i64>,
+    pub(super) geometry: Option<RawGeometry>,
+    pub(super) interface: Option<RawInterface>,
+    pub(super) back_fill: Option<bool>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawGeometry {
+    Camera,
+    Solids,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawInterface {
+    EdgeCut,
+    Centroid,
+    VolumeFraction,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSolver {
+    pub(super) tolerance: Option<f64>,
+    pub(super) preconditioner: Option<RawPreconditioner>,
+    pub(super) threads: Option<i64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawPreconditioner {
+    Multigrid,
+    Ic0,
+    Jacobi,
+    None,
+    Direct,
+}

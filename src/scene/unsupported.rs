@@ -1,0 +1,40 @@
+//! What a scene file may say but this version cannot compute yet. Each line goes when its feature comes.
+
+use super::raw::{MeshKind, RawGeometry, RawInterface, RawPreconditioner, RawScene};
+use super::source::{SceneError, Source};
+
+/// Refuses a scene that asks for something that is not computed yet, rather than ignoring it.
+pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> {
+    let generate = raw.mesh.generate.as_ref();
+    let stl = raw.sensor.electrode.iter().position(|electrode| electrode.stl.is_some());
+    let stl_key = format!("sensor.electrode[{}].stl", stl.unwrap_or_default());
+    let simulation = &raw.simulation;
+    let preconditioner = raw.solver.preconditioner;
+    let asked: [(bool, &str, &str); 9] = [
+        (generate.is_some_and(|g| g.tolerance.is_some()), "mesh.generate.tolerance", ""),
+        (
+            generate.is_some_and(|g| g.kind == Some(MeshKind::Bisection)),
+            "mesh.generate.kind",
+            " = \"bisection\"",
+        ),
+        (stl.is_some(), &stl_key, ""),
+        (simulation.geometry == Some(RawGeometry::Solids), "simulation.geometry", " = \"solids\""),
+        (simulation.interface == Some(RawInterface::Centroid), "simulation.interface", " = \"centroid\""),
+        (
+            simulation.interface == Some(RawInterface::VolumeFraction),
+            "simulation.interface",
+            " = \"volume-fraction\"",
+        ),
+        (
+            preconditioner == Some(RawPreconditioner::Multigrid),
+            "solver.preconditioner",
+            " = \"multigrid\" (leave the key out for the best there is)",
+        ),
+        (preconditioner == Some(RawPreconditioner::Ic0), "solver.preconditioner", " = \"ic0\""),
+        (preconditioner == Some(RawPreconditioner::Direct), "solver.preconditioner", " = \"direct\""),
+    ];
+    match asked.iter().find(|(asked, ..)| *asked) {
+        Some((_, key, value)) => Err(source.unsupported(key, format!("{key}{value}"))),
+        None => Ok(()),
+    }
+}

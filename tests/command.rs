@@ -1,0 +1,282 @@
+//! The program as a user runs it: files, tables, JSON, help and exit codes.
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+mod common;
+
+use common::{MESH_SCENE, SCENE, capsense, cube_file};
+use serde_json::Value;
+use std::path::Path;
+
+fn write_scene(folder: &Path) {
+    std::fs::write(folder.join("scene.toml"), SCENE).unwrap();
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+/// Columns by name; every cell must be a number.
+fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let mut columns: Vec<_> =
+        reader.headers().unwrap().iter().map(|name| (name.to_owned(), vec![])).collect();
+    for record in reader.records() {
+        for (cell, (_, values)) in record.unwrap().iter().zip(&mut columns) {
+            values.push(cell.parse().unwrap());
+        }
+    }
+    columns
+}
+
+fn matrix(value: &Value) -> Vec<Vec<f64>> {
+    serde_json::from_value(value.clone()).unwrap()
+}
+
+#[test]
+fn run_writes_curves_table_and_report() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let outcome = capsense(folder.path(), &["run", "scene.toml", "--out", "results"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(outcome.stdout.contains("E1 E2") && outcome.stdout.contains("5 frames"), "{}", outcome.stdout);
+    let out = folder.path().join("results");
+    let mut names: Vec<_> =
+        std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["capacitance.csv", "capacitance.svg", "report.json"]);
+
+    let table = std::fs::read_to_string(out.join("capacitance.csv")).unwrap();
+    assert_eq!(
+        table.lines().next(),
+        Some(
+            "frame,time_s,C_E1_E1_F,C_E1_E2_F,C_E2_E2_F,changed_edges,iterations,geometry_ms,update_ms,solve_ms"
+        )
+    );
+    let columns = columns(&out.join("capacitance.csv"));
+    assert_eq!(columns[0].1, [0.0, 1.0, 2.0, 3.0, 4.0], "0.2 m at 0.5 m/s and 10 frames per second");
+    assert_eq!(columns[1].1, [0.0, 0.1, 0.2, 0.3, 0.4]);
+    assert!(columns[2].1.iter().chain(&columns[4].1).all(|&farads| farads > 1e-13 && farads < 1e-10));
+    assert!(columns[3].1.iter().all(|&farads| farads < 0.0));
+    assert!(columns[5].1.iter().sum::<f64>() > 0.0, "the bar changes edges");
+
+    let svg = std::fs::read_to_string(out.join("capacitance.svg")).unwrap();
+    for text in ["time [s]", "E1 E1", "E1 E2", "E2 E2", "[fF]"] {
+        assert!(svg.contains(text), "{text}");
+    }
+    let report = json(&out.join("report.json"));
+    assert_eq!(report["scene"], "scene.toml");
+    assert_eq!(report["electrodes"], serde_json::json!(["E1", "E2"]));
+    assert_eq!(report["frames"]["computed"], 5);
+    assert_eq!(report["frames"]["interrupted"], false);
+    assert_eq!(report["method"]["interface"], "edge-cut");
+    assert!(report["mesh"]["tets"].as_u64().unwrap() <= 8000);
+    assert!(report["mesh"]["tets"].as_u64().unwrap() > 4000);
+    assert!(report["solver"]["relative_error_max"].as_f64().unwrap() <= 1e-4);
+    assert_eq!(matrix(&report["base_farads"]).len(), 2);
+    for part in ["geometry", "update", "solve", "total"] {
+        let spread = &report["milliseconds"][part];
+        let [median, p95, max] = ["median", "p95", "max"].map(|rank| spread[rank].as_f64().unwrap());
+        assert!(0.0 <= median && median <= p95 && p95 <= max, "{part}: {spread}");
+    }
+    assert_eq!(report["warnings"], serde_json::json!([]));
+}
+
+#[test]
+fn two_runs_give_identical_capacitances() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let of_run = |out: &str| {
+        let outcome = capsense(folder.path(), &["run", "scene.toml", "--quiet", "--out", out]);
+        assert_eq!((outcome.code, outcome.stdout.as_str()), (Some(0), ""), "{}", outcome.stderr);
+        let mut columns = columns(&folder.path().join(out).join("capacitance.csv"));
+        columns.truncate(7);
+        columns
+    };
+    assert_eq!(of_run("first"), of_run("second"));
+}
+
+#[test]
+fn solve_prints_one_json_object_that_is_a_maxwell_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let outcome = capsense(folder.path(), &["solve", "scene.toml", "--json", "--frame", "2"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
+    let keys: Vec<_> = solved.as_object().unwrap().keys().map(String::as_str).collect();
+    let expected =
+        ["base_farads", "capacitance_farads", "error_farads", "mesh", "milliseconds", "solver", "terminals"];
+    assert_eq!(
+        {
+            let mut keys = keys;
+            keys.sort_unstable();
+            keys
+        },
+        expected
+    );
+    assert_eq!(solved["terminals"], serde_json::json!(["E1", "E2"]));
+    for group in
+        [("mesh", vec!["nodes", "tets"]), ("milliseconds", vec!["geometry", "update", "solve", "total"])]
+    {
+        for key in group.1 {
+            assert!(solved[group.0][key].as_f64().unwrap() >= 0.0, "{} {key}", group.0);
+        }
+    }
+    assert_eq!(solved["solver"]["preconditioner"], "jacobi");
+    assert!(solved["solver"]["iterations"].as_u64().unwrap() > 0);
+    let error = matrix(&solved["error_farads"]);
+    for key in ["capacitance_farads", "base_farads"] {
+        let c = matrix(&solved[key]);
+        assert_eq!((c.len(), c[0].len()), (2, 2));
+        assert_eq!(c[0][1], c[1][0]);
+        assert!(c[0][0] > 0.0 && c[1][1] > 0.0 && c[0][1] < 0.0, "{key}: {c:?}");
+        assert!(c[0][0] + c[0][1] > 0.0 && c[1][1] + c[0][1] > 0.0, "what is missing is held to ground");
+        assert!(error.iter().flatten().zip(c.iter().flatten()).all(|(e, c)| *e > 0.0 && *e < c.abs()));
+    }
+    let change = matrix(&solved["capacitance_farads"])[0][1] - matrix(&solved["base_farads"])[0][1];
+    assert!(change > 0.0, "a grounded bar above lowers the mutual capacitance: {change}");
+}
+
+#[test]
+fn solve_prints_a_readable_matrix() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let outcome = capsense(folder.path(), &["solve", "scene.toml"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    for text in
+        ["Maxwell capacitance matrix in pF", "±", "Change by the objects in fF", "tetrahedra", "iterations"]
+    {
+        assert!(outcome.stdout.contains(text), "{text} is missing:\n{}", outcome.stdout);
+    }
+}
+
+#[test]
+fn bad_arguments_end_with_code_2() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    for arguments in [
+        &["solve"][..],
+        &["fly"],
+        &["run", "--speed", "3"],
+        &["mesh"],
+        &["mesh", "scene.toml"],
+        &["mesh", "info"],
+        &["mesh", "info", "none.msh"],
+        &["mesh", "info", "scene.toml"],
+        &["solve", "scene.toml", "--frame", "5"],
+        &["solve", "scene.toml", "--frame", "-1"],
+    ] {
+        let outcome = capsense(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(2), "{arguments:?}: {}", outcome.stderr);
+        assert!(!outcome.stderr.is_empty());
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let outcome = capsense(folder.path(), &["run", "scene.toml", "--out", "scene.toml/results"]);
+    assert_eq!(outcome.code, Some(1), "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("scene.toml/results"), "{}", outcome.stderr);
+}
+
+#[test]
+fn every_help_ends_with_an_example() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["--help"][..],
+        &["run", "--help"],
+        &["solve", "--help"],
+        &["mesh", "--help"],
+        &["mesh", "info", "--help"],
+        &["ports", "--help"],
+    ] {
+        let outcome = capsense(folder.path(), arguments);
+        assert_eq!(outcome.code, Some(0), "{arguments:?}");
+        let (_, example) =
+            outcome.stdout.split_once("Example").unwrap_or_else(|| panic!("{}", outcome.stdout));
+        assert!(example.contains("\n  capsense "), "{arguments:?}: {example}");
+    }
+}
+
+#[test]
+fn ports_are_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let outcome = capsense(folder.path(), &["ports"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(!outcome.stdout.is_empty());
+}
+
+#[test]
+fn mesh_info_describes_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cube.msh"), cube_file(true)).unwrap();
+    let outcome = capsense(folder.path(), &["mesh", "info", "cube.msh"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let words: String = outcome.stdout.split_whitespace().collect::<Vec<_>>().join(" ");
+    for text in [
+        "nodes 729",
+        "tetrahedra 3072",
+        "6.400000e-2",
+        "\"outer_ground\" 640 triangles",
+        "\"plate\" 8 triangles",
+        "\"air\" 3072 tetrahedra",
+        "128 of 768 boundary faces are in no group",
+    ] {
+        assert!(words.contains(text), "`{text}` is missing in:\n{}", outcome.stdout);
+    }
+    let outcome = capsense(folder.path(), &["mesh", "info", "cube.msh", "--unit", "mm"]);
+    assert!(outcome.stdout.contains("6.400000e-11"), "{}", outcome.stdout);
+}
+
+#[test]
+fn a_mesh_file_with_an_open_wall_runs_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let self_capacitance = |open: bool| {
+        std::fs::write(folder.path().join("cube.msh"), cube_file(open)).unwrap();
+        std::fs::write(folder.path().join("scene.toml"), MESH_SCENE).unwrap();
+        let outcome = capsense(folder.path(), &["solve", "scene.toml", "--json"]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        assert_eq!(outcome.stderr.contains("natural condition"), open, "{}", outcome.stderr);
+        let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
+        matrix(&solved["base_farads"])[0][0]
+    };
+    let (closed, open) = (self_capacitance(false), self_capacitance(true));
+    assert!(open < closed, "less ground, less capacitance: {open} against {closed}");
+    let outcome = capsense(folder.path(), &["run", "scene.toml", "--quiet"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let report = json(&folder.path().join("capsense-out/report.json"));
+    assert!(report["warnings"][0].as_str().unwrap().contains("natural condition"));
+}
+
+#[test]
+fn a_written_mesh_gives_the_same_capacitances_as_the_scene_it_came_from() {
+    let folder = tempfile::tempdir().unwrap();
+    // Rectangles lie in lattice lines, so that nothing is lost by naming nodes.
+    let scene = SCENE.replace(
+        "disk = { center = [0.05, 0.0], radius = 0.03 }",
+        "rectangle = { center = [0.05, 0.0], size = [0.06, 0.06] }",
+    );
+    std::fs::write(folder.path().join("scene.toml"), &scene).unwrap();
+    let outcome = capsense(folder.path(), &["mesh", "scene.toml", "--out", "sensor.msh"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let from_file = "file = \"sensor.msh\"\ngroups = { substrate = \"substrate\" }";
+    let copy = scene.replace("generate = { elements = 8000 }", from_file);
+    std::fs::write(folder.path().join("copy.toml"), copy).unwrap();
+    let of_scene = |name: &str| {
+        let outcome = capsense(folder.path(), &["solve", name, "--json"]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
+        (matrix(&solved["capacitance_farads"]), outcome.stderr)
+    };
+    let (original, quiet) = of_scene("scene.toml");
+    let (copied, warned) = of_scene("copy.toml");
+    for (a, b) in original.iter().flatten().zip(copied.iter().flatten()) {
+        assert!((a - b).abs() <= 3e-4 * original[0][0], "{a} against {b}");
+    }
+    assert!(!quiet.contains("warning:"), "{quiet}");
+    assert!(
+        warned.contains("electrode `E1` is a group of the mesh; its shape in the scene is ignored"),
+        "{warned}"
+    );
+}
