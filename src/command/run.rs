@@ -10,7 +10,7 @@ use super::text::{Prefix, table};
 use anyhow::{Context, bail};
 use capsense::{Frame, Pipeline, PipelineError, Scene};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -77,8 +77,12 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
 fn progress_bar(frames: usize, quiet: bool) -> ProgressBar {
     // Nothing is drawn when stderr is no terminal.
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {per_sec}, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {fps} per second, {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("fps", |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+            // Nobody is told when a terminal cannot be written to.
+            let _ = write!(text, "{:.0}", state.per_sec());
+        });
     ProgressBar::with_draw_target(Some(frames as u64), target).with_style(style)
 }
 
