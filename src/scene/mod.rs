@@ -1,4 +1,4 @@
-//! Scene files: everything of a simulation in one TOML file (units SI, keys as in the file's own section of the README).
+//! Scene files: everything of a simulation in one TOML file, in SI units.
 //!
 //! [`Scene::load`] reads a file in three steps, each in files of its own: names and types, refusal of what cannot be
 //! computed yet, and checks of every value. What comes out are the core's types, ready for
@@ -166,6 +166,10 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
             frames as usize
         }
     };
+    let times = (0..frames).step_by(frames.div_ceil(1000)).map(|frame| frame as f64 / frame_rate);
+    for object in objects.iter().filter(|object| !object.meets(&domain, times.clone())) {
+        warnings.push(format!("{}: object `{}` never enters the domain", check.source.file(), object.name));
+    }
     let defaults = SolverOptions::default();
     let tolerance = check.fraction("solver.tolerance", raw.solver.tolerance.unwrap_or(defaults.tolerance))?;
     let preconditioner = match raw.solver.preconditioner {
