@@ -83,7 +83,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
             solver: SolverSummary {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
-                preconditioner: preconditioner_name(&scene),
+                preconditioner: preconditioner_name(&pipeline),
             },
             milliseconds: frame.milliseconds,
         };
@@ -118,7 +118,7 @@ fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &Capacitan
     text += &format!(
         "Solver: {} iterations ({}), relative error {:.1e}\n",
         frame.solve.iterations,
-        preconditioner_name(scene),
+        preconditioner_name(pipeline),
         frame.solve.relative_error
     );
     text += &format!(
@@ -140,10 +140,11 @@ fn largest(matrix: &CapacitanceMatrix) -> f64 {
     matrix.rows().flatten().fold(0.0, |most, farads| farads.abs().max(most))
 }
 
-/// What the preconditioner is called in scene files.
-pub(super) fn preconditioner_name(scene: &Scene) -> &'static str {
+/// What the preconditioner in use is called in scene files.
+pub(super) fn preconditioner_name(pipeline: &Pipeline) -> &'static str {
     use capsense::core::solver::Preconditioner;
-    match scene.solver.preconditioner {
+    match pipeline.simulator().preconditioner() {
+        Preconditioner::Multigrid => "multigrid",
         Preconditioner::Jacobi => "jacobi",
         Preconditioner::None => "none",
     }

@@ -173,6 +173,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     let defaults = SolverOptions::default();
     let tolerance = check.fraction("solver.tolerance", raw.solver.tolerance.unwrap_or(defaults.tolerance))?;
     let preconditioner = match raw.solver.preconditioner {
+        Some(RawPreconditioner::Multigrid) => Preconditioner::Multigrid,
         Some(RawPreconditioner::Jacobi) => Preconditioner::Jacobi,
         Some(RawPreconditioner::None) => Preconditioner::None,
         _ => defaults.preconditioner,

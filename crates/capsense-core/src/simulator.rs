@@ -268,6 +268,11 @@ impl Simulator {
         &self.sensor
     }
 
+    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    pub fn preconditioner(&self) -> Preconditioner {
+        self.fields.pcg.preconditioner()
+    }
+
     /// The stiffness matrix of the last frame.
     pub fn matrix(&self) -> &StiffnessMatrix {
         &self.matrix

@@ -24,11 +24,19 @@ impl Pcg {
     pub fn new(rows: usize, preconditioner: Preconditioner, lattice: Option<&Lattice>) -> Self {
         let inverse = ApproximateInverse::new(preconditioner, rows, lattice);
         let rule = match inverse {
-            ApproximateInverse::Multigrid(_) => ErrorRule::Ratio(None),
+            ApproximateInverse::Multigrid(_) => ErrorRule::Spectrum { condition: None, solves: 0 },
             ApproximateInverse::Diagonal { .. } => ErrorRule::Window,
         };
         let zeros = vec![[0.0; LANES]; rows];
         Self { inverse, rule, r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), q: zeros }
+    }
+
+    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    pub fn preconditioner(&self) -> Preconditioner {
+        match self.inverse {
+            ApproximateInverse::Multigrid(_) => Preconditioner::Multigrid,
+            ApproximateInverse::Diagonal { kind, .. } => kind,
+        }
     }
 
     /// Takes over a changed matrix. `changed` must hold every node whose row changed or that became fixed or free
@@ -65,10 +73,10 @@ impl Pcg {
             }
             let alpha = self.step_lengths(matrix, &mut active, rz, iterations)?;
             self.advance(fixed, x, alpha);
-            error.record(std::array::from_fn(|lane| alpha[lane] * rz[lane]));
+            error.record(alpha, rz);
             iterations += 1;
             for (lane, active) in active.iter_mut().enumerate() {
-                *active &= error.relative(lane).is_none_or(|relative| relative > options.tolerance);
+                *active &= !error.is_below(lane, options.tolerance);
             }
             if active.contains(&true) {
                 let next = self.inverse.apply(&self.r, &mut self.z);

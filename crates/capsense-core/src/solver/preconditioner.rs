@@ -33,7 +33,10 @@ impl ApproximateInverse {
             (Preconditioner::Multigrid, Some(lattice)) => {
                 Self::Multigrid(Box::new(LatticeMultigrid::new(lattice)))
             }
-            _ => Self::Diagonal { kind, factors: vec![0.0; rows] },
+            (Preconditioner::Multigrid | Preconditioner::Jacobi, _) => {
+                Self::Diagonal { kind: Preconditioner::Jacobi, factors: vec![0.0; rows] }
+            }
+            (Preconditioner::None, _) => Self::Diagonal { kind, factors: vec![0.0; rows] },
         }
     }
 

@@ -54,15 +54,17 @@ impl EdgeNetwork {
         }
         // Stable, so that each edge is summed in the order of its elements on every run.
         contributions.sort_by_key(|c| c.ends);
-        let (mut ends, mut weights, mut permittivities) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut ends, mut weights, mut permittivity) = (Vec::new(), Vec::new(), Vec::new());
         for of_edge in contributions.chunk_by(|a, b| a.ends == b.ends) {
             let sum = |part: fn(&Contribution) -> f64| of_edge.iter().map(part).sum::<f64>();
             let (weight, vacuum) = (sum(|c| c.weight), sum(|c| c.vacuum));
             if weight.abs() > CANCELLED * sum(|c| c.magnitude) {
-                permittivities.push(mean_permittivity(weight, vacuum));
+                ends.push(of_edge[0].ends);
+                weights.push(weight);
+                permittivity.push(mean_permittivity(weight, vacuum));
             }
         }
-        Self { edges: Edges::List(ends), weights, permittivity: permittivities }
+        Self { edges: Edges::List(ends), weights, permittivity }
     }
 
     /// Assembles the network of a lattice; `permittivity` is that of its tetrahedra, six for each cell.
