@@ -4,6 +4,7 @@ use super::text::{Prefix, table};
 use super::{BadInput, load_scene};
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::pipeline::Milliseconds;
+use capsense::run_folder::MeshSize;
 use capsense::{Frame, Pipeline, Scene};
 use clap::Args;
 use serde::Serialize;
@@ -37,25 +38,11 @@ struct Solved<'a> {
     milliseconds: Milliseconds,
 }
 
-/// Size of a mesh.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct MeshSize {
-    pub(super) nodes: usize,
-    pub(super) tets: usize,
-}
-
 #[derive(Serialize)]
 struct SolverSummary {
     iterations: usize,
     relative_error: f64,
     preconditioner: &'static str,
-}
-
-impl MeshSize {
-    pub(super) fn of(pipeline: &Pipeline) -> Self {
-        let mesh = pipeline.simulator().sensor().mesh();
-        Self { nodes: mesh.nodes().len(), tets: mesh.tets().len() }
-    }
 }
 
 pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
@@ -78,7 +65,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
             capacitance_farads: frame.capacitance.rows().collect(),
             error_farads: error.rows().collect(),
             base_farads: pipeline.simulator().base().rows().collect(),
-            mesh: MeshSize::of(&pipeline),
+            mesh: MeshSize::of(pipeline.simulator().sensor().mesh()),
             solver: SolverSummary {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
@@ -112,7 +99,7 @@ fn print_readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &Cap
     let unit = Prefix::for_magnitude(most.fold(0.0, f64::max));
     println!("\nChange by the objects in {}:", unit.symbol);
     print!("{}", matrix(names, |row, column| format!("{:+.4}", unit.of(change(row, column)))));
-    let size = MeshSize::of(pipeline);
+    let size = MeshSize::of(pipeline.simulator().sensor().mesh());
     let took = frame.milliseconds;
     println!("\nMesh: {} tetrahedra, {} nodes", size.tets, size.nodes);
     println!(

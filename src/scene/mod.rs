@@ -1,4 +1,4 @@
-//! Scene files: everything of a simulation in one TOML file (units SI, keys as in the file's own section of the README).
+//! Scene files: everything of a simulation in one TOML file (units SI, every key is explained in docs/scene.md).
 //!
 //! [`Scene::load`] reads a file in three steps, each in files of its own: names and types, refusal of what cannot be
 //! computed yet, and checks of every value. What comes out are the core's types, ready for
