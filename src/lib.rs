@@ -42,3 +42,7 @@ pub use capsense_render as render;
 pub use pipeline::{Frame, Pipeline, PipelineError};
 pub use scene::{Scene, SceneError};
 
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -249,3 +249,27 @@ fn the_command_answers_bad_input_with_code_2_and_a_message_that_names_the_place(
     assert!(message.contains("line 2, column 3 (`C_E1_E1_F`)"), "{message}");
     assert!(!message.contains("panicked"), "{message}");
 }
+
+#[test]
+fn the_readme_calls_the_viewer_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("capsense-out")).unwrap();
+    std::fs::write(folder.path().join("capsense-out").join(CURVES_FILE), small_run()).unwrap();
+    let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
+    let readme = std::fs::read_to_string(readme).unwrap();
+    let calls: Vec<_> = readme.lines().filter_map(|line| line.strip_prefix("capsense-viewer ")).collect();
+    assert!(!calls.is_empty());
+    for call in calls {
+        let output = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"))
+            .args(call.split_whitespace())
+            .current_dir(folder.path())
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
+            .output()
+            .unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        // Everything but the display is there.
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains("the window could not be opened"), "{message}");
+    }
+}
