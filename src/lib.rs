@@ -34,9 +34,15 @@
 pub mod gmsh;
 pub mod motion;
 pub mod pipeline;
+pub mod run_folder;
 pub mod scene;
 
 pub use capsense_core as core;
 pub use capsense_render as render;
 pub use pipeline::{Frame, Pipeline, PipelineError};
 pub use scene::{Scene, SceneError};
+
+/// Compiles and runs the example of the README.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -3,6 +3,7 @@
 
 mod common;
 
+use capsense::run_folder::{MeshSize, RunOrigin, RunOriginError};
 use common::{MESH_SCENE, SCENE, capsense, cube_file};
 use serde_json::Value;
 use std::path::Path;
@@ -65,6 +66,9 @@ fn run_writes_curves_table_and_report() {
     }
     let report = json(&out.join("report.json"));
     assert_eq!(report["scene"], "scene.toml");
+    let scene_file = Path::new(report["scene_file"].as_str().unwrap());
+    assert!(scene_file.is_absolute() && scene_file.ends_with("scene.toml"), "{}", scene_file.display());
+    assert_eq!(std::fs::read_to_string(scene_file).unwrap(), SCENE);
     assert_eq!(report["electrodes"], serde_json::json!(["E1", "E2"]));
     assert_eq!(report["frames"]["computed"], 5);
     assert_eq!(report["frames"]["interrupted"], false);
@@ -79,6 +83,36 @@ fn run_writes_curves_table_and_report() {
         assert!(0.0 <= median && median <= p95 && p95 <= max, "{part}: {spread}");
     }
     assert_eq!(report["warnings"], serde_json::json!([]));
+}
+
+#[test]
+fn a_run_leads_back_to_its_scene_from_anywhere() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("deep/scene.toml");
+    std::fs::create_dir_all(folder.path().join("deep/er")).unwrap();
+    std::fs::write(&scene, SCENE).unwrap();
+    let outcome =
+        capsense(&folder.path().join("deep/er"), &["run", "../scene.toml", "--quiet", "--out", "../../out"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+
+    let origin = RunOrigin::read(&folder.path().join("out")).unwrap();
+    assert_eq!(origin.scene, "../scene.toml");
+    let sensor = origin.build_sensor().unwrap();
+    assert_eq!(sensor.electrode_names(), ["E1", "E2"]);
+    assert_eq!(MeshSize::of(sensor.mesh()), origin.mesh);
+
+    std::fs::write(&scene, SCENE.replace("elements = 8000", "elements = 20000")).unwrap();
+    assert!(matches!(origin.build_sensor(), Err(RunOriginError::Changed { .. })));
+    std::fs::write(&scene, SCENE.replace("elements", "element")).unwrap();
+    assert!(matches!(origin.build_sensor(), Err(RunOriginError::Scene(_))));
+    std::fs::remove_file(&scene).unwrap();
+    assert!(matches!(origin.build_sensor(), Err(RunOriginError::Gone(_))));
+
+    let report = folder.path().join("out/report.json");
+    std::fs::write(&report, r#"{"scene": "scene.toml", "mesh": {}}"#).unwrap();
+    assert!(matches!(RunOrigin::read(&folder.path().join("out")), Err(RunOriginError::Parse { .. })));
+    std::fs::remove_file(&report).unwrap();
+    assert!(matches!(RunOrigin::read(&folder.path().join("out")), Err(RunOriginError::Read { .. })));
 }
 
 #[test]

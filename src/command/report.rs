@@ -1,8 +1,9 @@
 //! `report.json`: what was computed, how, how well and how fast.
 
-use super::solve::{MeshSize, preconditioner_name};
+use super::solve::preconditioner_name;
 use super::text::percentile;
 use capsense::pipeline::Milliseconds;
+use capsense::run_folder::RunOrigin;
 use capsense::{Frame, Pipeline, Scene};
 use serde::Serialize;
 
@@ -10,11 +11,11 @@ use serde::Serialize;
 #[derive(Serialize)]
 pub(super) struct Report<'a> {
     version: &'static str,
-    scene: &'a str,
+    #[serde(flatten)]
+    origin: RunOrigin,
     electrodes: &'a [String],
     objects: Vec<&'a str>,
     domain: Domain,
-    mesh: MeshSize,
     method: Method<'a>,
     solver: Solver,
     frames: Frames,
@@ -86,6 +87,7 @@ impl Spread {
 impl<'a> Report<'a> {
     /// Sums up a run; `setup` is the time in milliseconds until the first frame.
     pub(super) fn new(
+        origin: RunOrigin,
         scene: &'a Scene,
         pipeline: &'a Pipeline,
         frames: &[Frame],
@@ -96,11 +98,10 @@ impl<'a> Report<'a> {
         let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
         Self {
             version: env!("CARGO_PKG_VERSION"),
-            scene: scene.source.file(),
+            origin,
             electrodes: &scene.electrodes,
             objects: scene.objects.iter().map(|object| object.name.as_str()).collect(),
             domain: Domain { min: scene.domain.min.to_array(), max: scene.domain.max.to_array() },
-            mesh: MeshSize::of(pipeline),
             method: Method {
                 geometry: "camera",
                 interface: "edge-cut",

@@ -8,6 +8,7 @@ use super::output::{print_out, write_whole};
 use super::report::{Report, Spread};
 use super::text::{Prefix, table};
 use anyhow::{Context, bail};
+use capsense::run_folder::{CURVES_FILE, DRAWING_FILE, REPORT_FILE, RunOrigin};
 use capsense::{Frame, Pipeline, PipelineError, Scene};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -36,6 +37,9 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     let started = Instant::now();
     let mut pipeline = Pipeline::new(&scene)?;
     let setup = started.elapsed().as_secs_f64() * 1e3;
+    let mesh = pipeline.simulator().sensor().mesh();
+    let origin = RunOrigin::new(&scene, arguments.scene.as_deref(), mesh)
+        .context("cannot tell where the scene file is")?;
     let progress = progress_bar(scene.frames, arguments.quiet);
     let mut frames = Vec::with_capacity(scene.frames);
     let mut failure: Option<PipelineError> = None;
@@ -53,7 +57,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         &scene,
         &pipeline,
         &frames,
-        &Report::new(&scene, &pipeline, &frames, setup, !complete),
+        &Report::new(origin, &scene, &pipeline, &frames, setup, !complete),
     )?;
     if let Some(error) = failure {
         let message = format!("frame {} failed; the frames before it are in {}", frames.len(), out.display());
@@ -68,7 +72,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         );
     }
     if !arguments.quiet {
-        let written = format!("Written to {}: capacitance.csv, capacitance.svg, report.json", out.display());
+        let written = format!("Written to {}: {CURVES_FILE}, {DRAWING_FILE}, {REPORT_FILE}", out.display());
         print_out(&format!("{}\n{written}\n", summary(&scene, &pipeline, &frames)))?;
     }
     Ok(())
@@ -93,10 +97,10 @@ fn write_results(
     frames: &[Frame],
     report: &Report<'_>,
 ) -> anyhow::Result<()> {
-    write_whole(&out.join("capacitance.csv"), &csv_table(&scene.electrodes, frames)?)?;
+    write_whole(&out.join(CURVES_FILE), &csv_table(&scene.electrodes, frames)?)?;
     let drawing = curves(&scene.electrodes, pipeline.simulator().base(), frames)?;
-    write_whole(&out.join("capacitance.svg"), drawing.as_bytes())?;
-    write_whole(&out.join("report.json"), &serde_json::to_vec_pretty(report)?)
+    write_whole(&out.join(DRAWING_FILE), drawing.as_bytes())?;
+    write_whole(&out.join(REPORT_FILE), &serde_json::to_vec_pretty(report)?)
 }
 
 fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {

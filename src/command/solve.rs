@@ -5,6 +5,7 @@ use super::text::{Prefix, table};
 use super::{BadInput, load_scene};
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::pipeline::Milliseconds;
+use capsense::run_folder::MeshSize;
 use capsense::{Frame, Pipeline, Scene};
 use clap::Args;
 use serde::Serialize;
@@ -38,25 +39,11 @@ struct Solved<'a> {
     milliseconds: Milliseconds,
 }
 
-/// Size of a mesh.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct MeshSize {
-    pub(super) nodes: usize,
-    pub(super) tets: usize,
-}
-
 #[derive(Serialize)]
 struct SolverSummary {
     iterations: usize,
     relative_error: f64,
     preconditioner: &'static str,
-}
-
-impl MeshSize {
-    pub(super) fn of(pipeline: &Pipeline) -> Self {
-        let mesh = pipeline.simulator().sensor().mesh();
-        Self { nodes: mesh.nodes().len(), tets: mesh.tets().len() }
-    }
 }
 
 pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
@@ -79,7 +66,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
             capacitance_farads: frame.capacitance.rows().collect(),
             error_farads: error.rows().collect(),
             base_farads: pipeline.simulator().base().rows().collect(),
-            mesh: MeshSize::of(&pipeline),
+            mesh: MeshSize::of(pipeline.simulator().sensor().mesh()),
             solver: SolverSummary {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
@@ -112,7 +99,7 @@ fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &Capacitan
         text += &format!("\nChange by the objects in {}:\n", unit.symbol);
         text += &matrix(names, |row, column| format!("{:+.4}", unit.of(change(row, column))));
     }
-    let size = MeshSize::of(pipeline);
+    let size = MeshSize::of(pipeline.simulator().sensor().mesh());
     let took = frame.milliseconds;
     text += &format!("\nMesh: {} tetrahedra, {} nodes\n", size.tets, size.nodes);
     text += &format!(

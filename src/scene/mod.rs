@@ -1,4 +1,4 @@
-//! Scene files: everything of a simulation in one TOML file, in SI units.
+//! Scene files: everything of a simulation in one TOML file, in SI units. Every key is explained in docs/scene.md.
 //!
 //! [`Scene::load`] reads a file in three steps, each in files of its own: names and types, refusal of what cannot be
 //! computed yet, and checks of every value. What comes out are the core's types, ready for

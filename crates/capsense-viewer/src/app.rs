@@ -133,6 +133,21 @@ impl eframe::App for ViewerApp {
     }
 }
 
+fn mesh_picture(ui: &mut Ui, mesh: &mut MeshView, orbit: &mut Orbit) {
+    ui.horizontal_wrapped(|ui| {
+        ui.strong("Mesh");
+        for group in mesh.groups_mut() {
+            let mut text = RichText::new(&group.name);
+            if !group.is_background() {
+                text = text.color(group.colour);
+            }
+            ui.checkbox(&mut group.visible, text);
+        }
+    });
+    ui.weak("drag: turn   right drag: move   scroll: zoom   double click: reset");
+    wireframe::show(ui, mesh, orbit);
+}
+
 fn message(ui: &mut Ui, heading: &str, text: &str) {
     egui::CentralPanel::default().show(ui, |ui| {
         ui.add_space(24.0);
@@ -147,7 +162,7 @@ fn message(ui: &mut Ui, heading: &str, text: &str) {
 struct RunView {
     name: String,
     curves: Curves,
-    mesh: Option<MeshView>,
+    mesh: Result<MeshView, String>,
     orbit: Orbit,
     quantity: Quantity,
     unit: Unit,
@@ -186,23 +201,15 @@ impl RunView {
         egui::Panel::left("controls").default_size(190.0).show(ui, |ui| {
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.controls(ui));
         });
-        if let Some(mesh) = &mut self.mesh {
-            let orbit = &mut self.orbit;
-            egui::Panel::right("mesh").default_size(420.0).show(ui, |ui| {
-                ui.horizontal_wrapped(|ui| {
-                    ui.strong("Mesh");
-                    for group in mesh.groups_mut() {
-                        let mut text = RichText::new(&group.name);
-                        if !group.is_background() {
-                            text = text.color(group.colour);
-                        }
-                        ui.checkbox(&mut group.visible, text);
-                    }
-                });
-                ui.weak("drag: turn   right drag: move   scroll: zoom   double click: reset");
-                wireframe::show(ui, mesh, orbit);
-            });
-        }
+        let (mesh, orbit) = (&mut self.mesh, &mut self.orbit);
+        egui::Panel::right("mesh").default_size(420.0).show(ui, |ui| match mesh {
+            Ok(mesh) => mesh_picture(ui, mesh, orbit),
+            Err(reason) => {
+                ui.strong("Mesh");
+                ui.label("The mesh cannot be shown:");
+                ui.label(reason.as_str());
+            }
+        });
         egui::CentralPanel::default().show(ui, |ui| self.plot(ui));
     }
 
@@ -214,9 +221,6 @@ impl RunView {
         ui.label(format!("{frames} {}", if frames == 1 { "frame" } else { "frames" }));
         ui.label(format!("{electrodes} {}", if electrodes == 1 { "electrode" } else { "electrodes" }));
         ui.label(format!("{:.2} ms a frame (median)", self.curves.median_frame_ms()));
-        if self.mesh.is_none() {
-            ui.weak("no mesh");
-        }
         ui.separator();
         ui.horizontal(|ui| {
             ui.radio_value(&mut self.quantity, Quantity::Change, "ΔC")

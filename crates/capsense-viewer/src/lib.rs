@@ -10,22 +10,22 @@ pub mod curves;
 pub mod wireframe;
 
 use app::{Content, ViewerApp};
+use capsense::core::sensor::FREE;
+use capsense::run_folder::{CURVES_FILE, RunOrigin};
 use curves::{Curves, CurvesError};
 use std::path::{Path, PathBuf};
 use wireframe::MeshView;
 
 /// Name by which window managers know the program.
 pub const APP_ID: &str = "capsense-viewer";
-/// The file of curves inside a run's folder.
-pub const CURVES_FILE: &str = "capacitance.csv";
 
 /// What the window shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewerData {
     /// Capacitances over time.
     pub curves: Curves,
-    /// The mesh, where it is known.
-    pub mesh: Option<MeshView>,
+    /// The mesh, or why it cannot be shown.
+    pub mesh: Result<MeshView, String>,
 }
 
 /// Why a run cannot be shown.
@@ -43,11 +43,31 @@ pub fn curves_file(run: &Path) -> PathBuf {
 
 /// Reads a finished run: the folder that `capsense run --out` wrote, or its `capacitance.csv`.
 ///
+/// The mesh is built again from the scene that the run's report names. Where that fails the curves are there all the
+/// same, with the reason in place of the mesh.
+///
 /// # Errors
 /// When the curves cannot be read; the message names file, line and column.
 pub fn load_run(run: &Path) -> Result<ViewerData, LoadError> {
-    let curves = Curves::read(&curves_file(run))?;
-    Ok(ViewerData { curves, mesh: None })
+    let file = curves_file(run);
+    let curves = Curves::read(&file)?;
+    let mesh = mesh_of_run(file.parent().unwrap_or(Path::new("")), &curves);
+    Ok(ViewerData { curves, mesh })
+}
+
+fn mesh_of_run(folder: &Path, curves: &Curves) -> Result<MeshView, String> {
+    let origin = RunOrigin::read(folder).map_err(|error| error.to_string())?;
+    let sensor = origin.build_sensor().map_err(|error| error.to_string())?;
+    if sensor.electrode_names() != curves.electrodes() {
+        let message = "has other electrodes than the curves: it has changed since the run";
+        return Err(format!("the scene {} {message}", origin.scene));
+    }
+    let terminals = sensor.terminals().iter();
+    let terminals = terminals.map(|&terminal| (terminal != FREE).then_some(usize::from(terminal))).collect();
+    let view = MeshView::from_mesh(sensor.mesh(), terminals).map_err(|error| error.to_string())?;
+    let names: Vec<&str> =
+        std::iter::once("ground").chain(sensor.electrode_names().iter().map(String::as_str)).collect();
+    Ok(view.with_terminal_names(&names))
 }
 
 /// Opens the window and returns when it is closed.

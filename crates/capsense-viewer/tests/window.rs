@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+use capsense::Scene;
+use capsense::run_folder::{CURVES_FILE, REPORT_FILE, RunOrigin};
 use capsense_core::geometry::Aabb;
 use capsense_core::mesh::Lattice;
 use capsense_viewer::app::{Content, ViewerApp};
@@ -14,7 +16,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, SnapshotOptions};
 use glam::DVec3;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Three electrodes; every entry dips like a bell of its own depth while something passes.
@@ -67,7 +69,7 @@ fn harness(content: Content) -> Harness<'static, ViewerApp> {
         .build_eframe(move |_| ViewerApp::new(content.clone()))
 }
 
-fn run_content(mesh: Option<MeshView>) -> Content {
+fn run_content(mesh: Result<MeshView, String>) -> Content {
     let curves = Curves::parse(small_run().as_bytes(), Path::new("small.csv")).unwrap();
     Content::Run { name: "small".into(), data: Box::new(ViewerData { curves, mesh }) }
 }
@@ -79,7 +81,7 @@ fn options() -> SnapshotOptions {
 
 #[test]
 fn curves_and_mesh_are_shown() {
-    let mut harness = harness(run_content(Some(stripes())));
+    let mut harness = harness(run_content(Ok(stripes())));
     harness.run_steps(6);
     for entry in ["E1–E1", "E1–E2", "E1–E3", "E2–E2", "E2–E3", "E3–E3"] {
         harness.get_by_label(entry);
@@ -93,10 +95,11 @@ fn curves_and_mesh_are_shown() {
 
 #[test]
 fn entries_quantity_and_unit_can_be_chosen() {
-    let mut harness = harness(run_content(None));
+    let mut harness = harness(run_content(Err("no file report.json".to_owned())));
     harness.run_steps(4);
     harness.get_by_label("ΔC in fF over time in s");
-    harness.get_by_label("no mesh");
+    harness.get_by_label("The mesh cannot be shown:");
+    harness.get_by_label("no file report.json");
     let before = harness.render().unwrap();
     harness.get_by_label("None").click();
     harness.run_steps(4);
@@ -115,7 +118,7 @@ fn entries_quantity_and_unit_can_be_chosen() {
 
 #[test]
 fn the_mesh_turns_with_the_pointer_and_its_parts_can_be_hidden() {
-    let mut harness = harness(run_content(Some(stripes())));
+    let mut harness = harness(run_content(Ok(stripes())));
     harness.run_steps(4);
     let first = harness.render().unwrap();
     let middle = harness.get_by_label_contains("Mesh picture").rect().center();
@@ -164,6 +167,71 @@ fn a_folder_and_a_file_are_the_same_run() {
     assert_eq!(load_run(folder.path()).unwrap(), load_run(&file).unwrap());
 }
 
+/// A scene with the electrodes of [`small_run`].
+const SCENE: &str = r#"
+mesh.generate = { elements = 5000 }
+sensor.electrode = [
+    { name = "E1", rectangle = { center = [-0.06, 0.0], size = [0.04, 0.1] } },
+    { name = "E2", rectangle = { center = [0.0, 0.0], size = [0.04, 0.1] } },
+    { name = "E3", rectangle = { center = [0.06, 0.0], size = [0.04, 0.1] } },
+]
+"#;
+
+/// The folder of a run of [`SCENE`], which lies beside it.
+fn run_folder(folder: &Path) -> (PathBuf, PathBuf) {
+    let (scene_file, run) = (folder.join("scene.toml"), folder.join("run"));
+    std::fs::write(&scene_file, SCENE).unwrap();
+    std::fs::create_dir(&run).unwrap();
+    std::fs::write(run.join(CURVES_FILE), small_run()).unwrap();
+    let scene = Scene::load(&scene_file).unwrap();
+    let origin = RunOrigin::new(&scene, Some(&scene_file), scene.build_sensor().unwrap().mesh()).unwrap();
+    std::fs::write(run.join(REPORT_FILE), serde_json::to_vec(&origin).unwrap()).unwrap();
+    (run, scene_file)
+}
+
+#[test]
+fn the_mesh_comes_from_the_scene_that_the_report_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, _) = run_folder(folder.path());
+    let data = load_run(&run).unwrap();
+    let groups: Vec<_> = data.mesh.as_ref().unwrap().groups().iter().map(|g| g.name.as_str()).collect();
+    assert_eq!(groups, ["ground", "E1", "E2", "E3"]);
+    let mut harness = harness(Content::Run { name: "run".into(), data: Box::new(data) });
+    harness.run_steps(4);
+    for label in ["ground", "E1", "E2", "E3", "61 frames"] {
+        harness.get_by_label(label);
+    }
+    harness.get_by_label_contains("Mesh picture");
+}
+
+#[test]
+fn without_its_scene_a_run_still_shows_its_curves_and_says_why_there_is_no_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let (run, scene_file) = run_folder(folder.path());
+    let reason = || load_run(&run).unwrap().mesh.unwrap_err();
+    let write = |text: String| std::fs::write(&scene_file, text).unwrap();
+    write(SCENE.replace("elements = 5000", "elements = 50000"));
+    assert!(reason().contains("has changed since"), "{}", reason());
+    write(SCENE.replace("\"E3\"", "\"E4\""));
+    assert!(reason().contains("other electrodes"), "{}", reason());
+    write(SCENE.replace("elements", "element"));
+    assert!(reason().contains("scene.toml:2: mesh.generate.element"), "{}", reason());
+    std::fs::remove_file(&scene_file).unwrap();
+    assert!(reason().contains("scene.toml is not there any more"), "{}", reason());
+
+    let data = load_run(&run).unwrap();
+    let mut harness = harness(Content::Run { name: "run".into(), data: Box::new(data) });
+    harness.run_steps(4);
+    harness.get_by_label("E1–E2");
+    harness.get_by_label("61 frames");
+    harness.get_by_label("The mesh cannot be shown:");
+    harness.get_by_label_contains("scene.toml is not there any more");
+    assert!(harness.query_by_label_contains("Mesh picture").is_none());
+
+    std::fs::remove_file(run.join(REPORT_FILE)).unwrap();
+    assert!(reason().contains(REPORT_FILE), "{}", reason());
+}
+
 #[test]
 fn the_command_answers_bad_input_with_code_2_and_a_message_that_names_the_place() {
     let folder = tempfile::tempdir().unwrap();
@@ -180,4 +248,28 @@ fn the_command_answers_bad_input_with_code_2_and_a_message_that_names_the_place(
     assert!(message.contains(&file.display().to_string()), "{message}");
     assert!(message.contains("line 2, column 3 (`C_E1_E1_F`)"), "{message}");
     assert!(!message.contains("panicked"), "{message}");
+}
+
+#[test]
+fn the_readme_calls_the_viewer_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("capsense-out")).unwrap();
+    std::fs::write(folder.path().join("capsense-out").join(CURVES_FILE), small_run()).unwrap();
+    let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
+    let readme = std::fs::read_to_string(readme).unwrap();
+    let calls: Vec<_> = readme.lines().filter_map(|line| line.strip_prefix("capsense-viewer ")).collect();
+    assert!(!calls.is_empty());
+    for call in calls {
+        let output = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"))
+            .args(call.split_whitespace())
+            .current_dir(folder.path())
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
+            .output()
+            .unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        // Everything but the display is there.
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains("the window could not be opened"), "{message}");
+    }
 }
