@@ -1,12 +1,15 @@
-//! One level of the lattice hierarchy: a 7-point network in single precision, and Gauss-Seidel on it.
+//! One level of the lattice hierarchy: a 7-point network in single precision, and red-black Gauss-Seidel on it.
+//!
+//! Nodes are coloured like a chess board, so no two of one colour are neighbours: their order does not matter, and the
+//! result is the same however the work is divided.
+
+use crate::stiffness::LANES;
 
 /// Potentials, residuals or corrections of several terminals at one node.
-pub(super) type Lanes = [f32; crate::stiffness::LANES];
+pub(super) type Lanes = [f32; LANES];
 
-const LANES: usize = crate::stiffness::LANES;
-
-/// A 7-point network. All arrays are padded by one plane at either end, where weights are zero, so that every node has
-/// six neighbours in them.
+/// A 7-point network. All arrays are padded by one plane at either end, where weights are zero, so that every row has
+/// four neighbouring rows in them.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
     /// Number of nodes along each axis.
@@ -23,18 +26,41 @@ pub(super) struct Level {
     pub(super) r: Vec<Lanes>,
 }
 
-/// One row of nodes along x and its neighbours on either side.
-struct Neighbours<'a> {
-    previous_y: &'a [Lanes],
-    next_y: &'a [Lanes],
-    previous_z: &'a [Lanes],
-    next_z: &'a [Lanes],
+/// Nodes whose three indices have an even sum are red.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Colour {
+    Red,
+    Black,
+}
+
+/// What a row of nodes along x is coupled to: weights and the neighbours in the rows beside it.
+struct Surroundings<'a> {
+    along: &'a [f32],
+    along_before: &'a [f32],
+    across: [(&'a [f32], &'a [Lanes]); 4],
+}
+
+impl Surroundings<'_> {
+    /// Σ w x over the six neighbours of a node.
+    #[inline(always)]
+    fn sum(&self, x: &[Lanes], i: usize) -> Lanes {
+        let before = if i == 0 { [0.0; LANES] } else { x[i - 1] };
+        let after = if i + 1 < x.len() { x[i + 1] } else { [0.0; LANES] };
+        let [(wa, a), (wb, b), (wc, c), (wd, d)] = self.across;
+        let (along_before, along) = (self.along_before[i], self.along[i]);
+        let (wa, wb, wc, wd) = (wa[i], wb[i], wc[i], wd[i]);
+        let (a, b, c, d) = (&a[i], &b[i], &c[i], &d[i]);
+        std::array::from_fn(|lane| {
+            (along_before * before[lane] + along * after[lane])
+                + (wa * a[lane] + wb * b[lane])
+                + (wc * c[lane] + wd * d[lane])
+        })
+    }
 }
 
 impl Level {
     pub(super) fn new(counts: [usize; 3]) -> Self {
-        let plane = counts[0] * counts[1];
-        let padded = plane * (counts[2] + 2);
+        let padded = counts[0] * counts[1] * (counts[2] + 2);
         let zeros = || vec![0.0; padded];
         let vectors = || vec![[0.0; LANES]; padded];
         Self {
@@ -71,125 +97,84 @@ impl Level {
         weights.sum::<f32>() + self.leak[at]
     }
 
-    /// x = one forward Gauss-Seidel sweep on K x = b from zero, and r = b - K x after it. Nodes not yet visited are
-    /// zero, so only three neighbours count; what is left over comes from the other three.
+    /// x = one sweep on K x = b from zero, and r = b - K x after it: red nodes see no neighbours, and what black ones
+    /// add is all that is left over at the red ones.
     pub(super) fn smooth_from_zero(&mut self) {
-        let [nx, sy, sz] = [self.counts[0], self.counts[0], self.counts[0] * self.counts[1]];
-        for row in self.nodes().step_by(nx) {
-            let (before, current) = self.x.split_at_mut(row);
-            let x = &mut current[..nx];
-            let (before_y, before_z) = (&before[row - sy..][..nx], &before[row - sz..][..nx]);
-            let (wx, wy) = (&self.weight[0][row..][..nx], &self.weight[1][row - sy..][..nx]);
-            let (wz, inverse) = (&self.weight[2][row - sz..][..nx], &self.inverse[row..][..nx]);
-            let b = &self.b[row..][..nx];
-            let mut last = [0.0; LANES];
-            for i in 0..nx {
-                for lane in 0..LANES {
-                    let sum = b[i][lane] + last[lane] + wy[i] * before_y[i][lane] + wz[i] * before_z[i][lane];
-                    x[i][lane] = inverse[i] * sum;
-                    last[lane] = wx[i] * x[i][lane];
-                }
+        for ((x, b), inverse) in self.x.iter_mut().zip(&self.b).zip(&self.inverse) {
+            *x = b.map(|b| inverse * b);
+        }
+        self.relax(Colour::Black);
+        self.residual_of_red();
+    }
+
+    /// One sweep on K x = b in the order that makes it, after [`Level::smooth_from_zero`], a symmetric smoother.
+    pub(super) fn smooth(&mut self) {
+        self.relax(Colour::Black);
+        self.relax(Colour::Red);
+    }
+
+    /// Two sweeps on K x = b, symmetric by themselves.
+    pub(super) fn smooth_both_ways(&mut self) {
+        self.relax(Colour::Red);
+        self.smooth();
+    }
+
+    /// Solves the equations of all nodes of one colour.
+    fn relax(&mut self, colour: Colour) {
+        let nx = self.counts[0];
+        for (row, start) in self.rows(colour) {
+            let [_, sy, sz] = self.strides();
+            let (before, rest) = self.x.split_at_mut(row);
+            let (x, after) = rest.split_at_mut(nx);
+            let beside = [&before[row - sy..], &after[sy - nx..], &before[row - sz..], &after[sz - nx..]];
+            let around = surroundings(&self.weight, row, [sy, sz], beside, nx);
+            let (b, inverse) = (&self.b[row..][..nx], &self.inverse[row..][..nx]);
+            let mut i = start;
+            while i < nx {
+                let sum = around.sum(x, i);
+                x[i] = std::array::from_fn(|lane| inverse[i] * (b[i][lane] + sum[lane]));
+                i += 2;
             }
         }
-        for row in self.nodes().step_by(nx) {
-            let r = &mut self.r[row..][..nx];
-            let x = &self.x[row..][..nx + 1];
-            let (after_y, after_z) = (&self.x[row + sy..][..nx], &self.x[row + sz..][..nx]);
-            let (wx, wy) = (&self.weight[0][row..][..nx], &self.weight[1][row..][..nx]);
-            let wz = &self.weight[2][row..][..nx];
-            for i in 0..nx {
-                for lane in 0..LANES {
-                    r[i][lane] = wx[i] * x[i + 1][lane] + wy[i] * after_y[i][lane] + wz[i] * after_z[i][lane];
-                }
+    }
+
+    fn residual_of_red(&mut self) {
+        let nx = self.counts[0];
+        for (row, start) in self.rows(Colour::Red) {
+            let [_, sy, sz] = self.strides();
+            let x = &self.x;
+            let beside = [&x[row - sy..], &x[row + sy..], &x[row - sz..], &x[row + sz..]];
+            let around = surroundings(&self.weight, row, [sy, sz], beside, nx);
+            let (x, r) = (&x[row..][..nx], &mut self.r[row..][..nx]);
+            r.fill([0.0; LANES]);
+            let mut i = start;
+            while i < nx {
+                r[i] = around.sum(x, i);
+                i += 2;
             }
         }
     }
 
-    /// One backward Gauss-Seidel sweep on K x = b.
-    pub(super) fn smooth_backward(&mut self) {
-        let nx = self.counts[0];
-        for row in self.nodes().step_by(nx).rev() {
-            let mut last = [0.0; LANES];
-            self.sweep_row(row, |level, x, around| {
-                for i in (0..nx).rev() {
-                    let previous = if i == 0 { [0.0; LANES] } else { x[i - 1] };
-                    let here = level.wx[i];
-                    let before = level.wx_before[i];
-                    let mut sum = level.b[i];
-                    for lane in 0..LANES {
-                        sum[lane] += here * last[lane] + before * previous[lane] + around.sum(level, i, lane);
-                        x[i][lane] = level.inverse[i] * sum[lane];
-                    }
-                    last = x[i];
-                }
-            });
-        }
-    }
-
-    /// One forward Gauss-Seidel sweep on K x = b.
-    pub(super) fn smooth_forward(&mut self) {
-        let nx = self.counts[0];
-        for row in self.nodes().step_by(nx) {
-            let mut last = [0.0; LANES];
-            self.sweep_row(row, |level, x, around| {
-                for i in 0..nx {
-                    let next = if i + 1 == nx { [0.0; LANES] } else { x[i + 1] };
-                    let mut sum = level.b[i];
-                    for lane in 0..LANES {
-                        sum[lane] += level.wx_before[i] * last[lane]
-                            + level.wx[i] * next[lane]
-                            + around.sum(level, i, lane);
-                        x[i][lane] = level.inverse[i] * sum[lane];
-                    }
-                    last = x[i];
-                }
-            });
-        }
-    }
-
-    /// Hands out one row of x to change, and what stands around it.
-    fn sweep_row(&mut self, row: usize, sweep: impl FnOnce(&Row<'_>, &mut [Lanes], &Neighbours<'_>)) {
-        let [nx, sy, sz] = [self.counts[0], self.counts[0], self.counts[0] * self.counts[1]];
-        let (before, rest) = self.x.split_at_mut(row);
-        let (x, after) = rest.split_at_mut(nx);
-        let around = Neighbours {
-            previous_y: &before[row - sy..][..nx],
-            next_y: &after[sy - nx..][..nx],
-            previous_z: &before[row - sz..][..nx],
-            next_z: &after[sz - nx..][..nx],
-        };
-        let level = Row {
-            b: &self.b[row..][..nx],
-            inverse: &self.inverse[row..][..nx],
-            wx: &self.weight[0][row..][..nx],
-            wx_before: &self.weight[0][row - 1..][..nx],
-            wy: &self.weight[1][row..][..nx],
-            wy_before: &self.weight[1][row - sy..][..nx],
-            wz: &self.weight[2][row..][..nx],
-            wz_before: &self.weight[2][row - sz..][..nx],
-        };
-        sweep(&level, x, &around);
+    /// Where each row starts, and its first node of a colour.
+    fn rows(&self, colour: Colour) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let [nx, ny, _] = self.counts;
+        let first = usize::from(colour == Colour::Black);
+        self.nodes().step_by(nx).enumerate().map(move |(row, at)| (at, (row % ny + row / ny + first) % 2))
     }
 }
 
-/// Right-hand side and weights of one row.
-struct Row<'a> {
-    b: &'a [Lanes],
-    inverse: &'a [f32],
-    wx: &'a [f32],
-    wx_before: &'a [f32],
-    wy: &'a [f32],
-    wy_before: &'a [f32],
-    wz: &'a [f32],
-    wz_before: &'a [f32],
-}
-
-impl Neighbours<'_> {
-    #[inline(always)]
-    fn sum(&self, row: &Row<'_>, i: usize, lane: usize) -> f32 {
-        row.wy_before[i] * self.previous_y[i][lane]
-            + row.wy[i] * self.next_y[i][lane]
-            + row.wz_before[i] * self.previous_z[i][lane]
-            + row.wz[i] * self.next_z[i][lane]
+fn surroundings<'a>(
+    weight: &'a [Vec<f32>; 3],
+    row: usize,
+    [sy, sz]: [usize; 2],
+    beside: [&'a [Lanes]; 4],
+    nx: usize,
+) -> Surroundings<'a> {
+    let of = |axis: usize, before: usize| &weight[axis][row - before..][..nx];
+    let weights = [of(1, sy), of(1, 0), of(2, sz), of(2, 0)];
+    Surroundings {
+        along: of(0, 0),
+        along_before: of(0, 1),
+        across: std::array::from_fn(|side| (weights[side], &beside[side][..nx])),
     }
 }

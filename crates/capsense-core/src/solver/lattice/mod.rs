@@ -137,14 +137,13 @@ impl LatticeMultigrid {
         if let Some(coarsest) = self.levels.last_mut() {
             coarsest.x.fill([0.0; LANES]);
             for _ in 0..COARSEST_SWEEPS {
-                coarsest.smooth_forward();
-                coarsest.smooth_backward();
+                coarsest.smooth_both_ways();
             }
         }
         for (index, transfer) in self.transfers.iter().enumerate().rev() {
             let (fine, coarse) = self.levels.split_at_mut(index + 1);
             transfer.prolong(&mut fine[index], &coarse[0]);
-            fine[index].smooth_backward();
+            fine[index].smooth();
         }
     }
 }
