@@ -314,3 +314,43 @@ fn a_written_mesh_gives_the_same_capacitances_as_the_scene_it_came_from() {
         "{warned}"
     );
 }
+
+/// Waits for at most a minute.
+fn wait_until(condition: impl Fn() -> bool) {
+    let started = std::time::Instant::now();
+    while !condition() {
+        assert!(started.elapsed().as_secs() < 60, "nothing happened within a minute");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_complete_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = SCENE.replace("frame_rate = 10.0", "frame_rate = 10.0\nframes = 8000000");
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let out = folder.path().join("results");
+    let child = std::process::Command::new(env!("CARGO_BIN_EXE_capsense"))
+        .args(["run", "scene.toml", "--out", "results"])
+        .current_dir(folder.path())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The program listens for Ctrl-C before it makes the folder.
+    wait_until(|| out.exists());
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    let interrupted =
+        std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(interrupted.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("interrupted after"), "{stderr}");
+    let report = json(&out.join("report.json"));
+    assert_eq!(report["frames"]["interrupted"], true);
+    let rows = columns(&out.join("capacitance.csv"))[0].1.len();
+    assert_eq!(report["frames"]["computed"], rows);
+    assert!(std::fs::read_to_string(out.join("capacitance.svg")).unwrap().ends_with("</svg>\n"));
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3, "no unfinished file is left");
+}

@@ -99,6 +99,13 @@ fn variants_of_the_contract_are_understood() {
 }
 
 #[test]
+fn an_object_that_never_enters_is_warned_of() {
+    let scene = SCENE.replace("[[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]", "[[-0.1, 0.0, 10.0], [0.1, 0.0, 10.0]]");
+    let scene = Scene::parse("scene.toml", &scene, Path::new("")).unwrap();
+    assert_eq!(scene.warnings, ["scene.toml: object `bar` never enters the domain"]);
+}
+
+#[test]
 fn the_built_in_scene_is_three_stripes_and_a_bar() {
     let scene = Scene::built_in().unwrap();
     assert_eq!(scene.electrodes, ["E1", "E2", "E3"]);

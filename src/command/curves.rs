@@ -5,6 +5,7 @@ use super::text::Prefix;
 use anyhow::anyhow;
 use capsense::Frame;
 use capsense::core::capacitance::CapacitanceMatrix;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 /// Okabe and Ito's colours, which people with any colour vision can tell apart; the yellow is left out as too pale.
@@ -18,7 +19,19 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(60, 60, 60),
 ];
 
-const SIZE: (u32, u32) = (1000, 600);
+const WIDTH: u32 = 1000;
+
+/// Width of the column with the legend.
+const LEGEND: u32 = 150;
+
+/// Height of a line of the legend.
+const LINE: u32 = 20;
+
+/// Where the legend begins.
+const TOP: i32 = 52;
+
+/// Stroke and gap of the dashes of couplings, in turn when the colours are used up.
+const DASHES: [(u32, u32); 3] = [(8, 4), (2, 3), (14, 5)];
 
 /// Draws the change against the scene without objects. Self-capacitances are solid, couplings dashed.
 pub(super) fn curves(
@@ -48,10 +61,11 @@ fn draw(
     let margin = if high > low { 0.06 * (high - low) } else { 1.0 };
     let end = frames.last().map_or(0.0, |frame| frame.time_s);
 
-    let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    // The legend has a column of its own, so that it never covers a curve; it may make the drawing taller.
+    let height = (entries.len() as u32 * LINE + 2 * TOP as u32).max(600);
+    let root = SVGBackend::with_string(text, (WIDTH, height)).into_drawing_area();
     root.fill(&WHITE)?;
-    // The legend has a column of its own, so that it never covers a curve.
-    let (plot, legend) = root.split_horizontally(SIZE.0 - 150);
+    let (plot, legend) = root.split_horizontally(WIDTH - LEGEND);
     let mut chart = ChartBuilder::on(&plot)
         .caption("Change of the capacitance matrix by the objects", ("sans-serif", 20))
         .margin(12)
@@ -68,22 +82,32 @@ fn draw(
         .bold_line_style(RGBColor(220, 220, 220))
         .y_label_formatter(&|value| tick(*value, high - low))
         .draw()?;
+    let mut couplings = 0;
     for (index, &entry) in entries.iter().enumerate() {
         let points = || frames.iter().map(|frame| (frame.time_s, unit.of(change(frame, entry))));
-        let style = COLOURS[index % COLOURS.len()].stroke_width(2);
-        if frames.len() == 1 {
-            chart.draw_series(points().map(|point| Circle::new(point, 4, style.filled())))?;
-        } else if entry.0 == entry.1 {
-            chart.draw_series(LineSeries::new(points(), style))?;
+        let y = TOP + (LINE * index as u32) as i32;
+        let (number, dash) = if entry.0 == entry.1 {
+            (entry.0, None)
         } else {
-            chart.draw_series(DashedLineSeries::new(points(), 7, 4, style))?;
+            couplings += 1;
+            (couplings - 1, Some(DASHES[(couplings - 1) / COLOURS.len() % DASHES.len()]))
+        };
+        let style = COLOURS[number % COLOURS.len()].stroke_width(2);
+        let sample = [(0, y), (28, y)];
+        if let Some((stroke, gap)) = dash {
+            legend.draw(&DashedPathElement::new(sample, stroke, gap, style))?;
+        } else {
+            legend.draw(&PathElement::new(sample.to_vec(), style))?;
         }
-        let y = 52 + 20 * index as i32;
-        if entry.0 == entry.1 {
-            legend.draw(&PathElement::new(vec![(0, y), (28, y)], style))?;
-        } else {
-            for x in [0, 11, 22] {
-                legend.draw(&PathElement::new(vec![(x, y), (x + 7, y)], style))?;
+        match dash {
+            _ if frames.len() == 1 => {
+                chart.draw_series(points().map(|point| Circle::new(point, 4, style.filled())))?;
+            }
+            None => {
+                chart.draw_series(LineSeries::new(points(), style))?;
+            }
+            Some((stroke, gap)) => {
+                chart.draw_series(DashedLineSeries::new(points(), stroke, gap, style))?;
             }
         }
         let label = format!("{} {}", electrodes[entry.0], electrodes[entry.1]);

@@ -1,7 +1,7 @@
 //! `capsense mesh`: the mesh of a scene's sensor, written to a file or looked into.
 
 use super::mesh_info::{InfoArguments, info};
-use super::output::write_whole;
+use super::output::{print_out, write_whole};
 use super::{BadInput, load_scene};
 use capsense::core::sensor::{GROUND, Sensor, Terminal};
 use capsense::gmsh::{SurfaceGroup, VolumeGroup, faces_among, write};
@@ -41,8 +41,8 @@ pub(super) fn mesh(arguments: &MeshArguments) -> anyhow::Result<()> {
             let sensor = load_scene(Some(scene))?.build_sensor()?;
             write_whole(out, gmsh_text(&sensor)?.as_bytes())?;
             let mesh = sensor.mesh();
-            println!("{}: {} tetrahedra, {} nodes", out.display(), mesh.tets().len(), mesh.nodes().len());
-            Ok(())
+            let (tets, nodes) = (mesh.tets().len(), mesh.nodes().len());
+            print_out(&format!("{}: {tets} tetrahedra, {nodes} nodes\n", out.display()))
         }
         _ => Err(BadInput("give a scene and --out FILE.msh".to_owned()).into()),
     }

@@ -1,6 +1,7 @@
 //! `capsense mesh info`: what is in a mesh file.
 
 use super::BadInput;
+use super::output::print_out;
 use super::text::table;
 use capsense::core::mesh::MeshQuality;
 use capsense::core::units::LengthUnit;
@@ -24,8 +25,7 @@ pub(super) fn info(arguments: &InfoArguments) -> anyhow::Result<()> {
     let file = &arguments.file;
     let bad = |problem: String| BadInput(format!("{}: {problem}", file.display()));
     let bytes = std::fs::read(file).map_err(|error| bad(format!("cannot read the mesh: {error}")))?;
-    print!("{}", describe(file, &bytes, arguments.unit).map_err(|error| bad(error.to_string()))?);
-    Ok(())
+    print_out(&describe(file, &bytes, arguments.unit).map_err(|error| bad(error.to_string()))?)
 }
 
 fn describe(file: &Path, bytes: &[u8], unit: LengthUnit) -> Result<String, GmshError> {

@@ -1,8 +1,8 @@
-//! Files that are complete or not there: written under another name, then renamed.
+//! Files that are complete or not there, written under another name and then renamed; and standard output.
 
 use anyhow::Context;
 use std::fs;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Writes a file so that nobody ever sees half of it.
@@ -18,4 +18,14 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         let _ = fs::remove_file(unfinished);
     }
     written.with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Prints to standard output; a reader that has seen enough, as in `capsense solve … | head -1`, is no failure.
+pub(super) fn print_out(text: &str) -> anyhow::Result<()> {
+    match io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to standard output")
+        }
+        _ => Ok(()),
+    }
 }

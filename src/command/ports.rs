@@ -1,5 +1,6 @@
 //! `capsense ports`: the serial ports of this machine.
 
+use super::output::print_out;
 use clap::Args;
 
 /// List the serial ports that a capacitance-to-digital converter may be attached to
@@ -9,11 +10,6 @@ pub(super) struct PortsArguments {}
 
 pub(super) fn ports(_arguments: &PortsArguments) -> anyhow::Result<()> {
     let ports = capsense_hw::list_ports()?;
-    if ports.is_empty() {
-        println!("no serial ports");
-    }
-    for port in ports {
-        println!("{port}");
-    }
-    Ok(())
+    let lines: String = ports.iter().map(|port| format!("{port}\n")).collect();
+    print_out(if lines.is_empty() { "no serial ports\n" } else { &lines })
 }

@@ -110,7 +110,7 @@ impl<'a> Report<'a> {
                 renderer: pipeline.renderer(),
             },
             solver: Solver {
-                preconditioner: preconditioner_name(scene),
+                preconditioner: preconditioner_name(pipeline),
                 tolerance: scene.solver.tolerance,
                 threads: 1,
                 iterations_median: percentile(&iterations, 0.5),

@@ -4,14 +4,14 @@ use super::csv_table::{csv_table, upper_triangle};
 use super::curves::curves;
 use super::interrupt::Interrupt;
 use super::load_scene;
-use super::output::write_whole;
+use super::output::{print_out, write_whole};
 use super::report::{Report, Spread};
 use super::text::{Prefix, table};
 use anyhow::{Context, bail};
 use capsense::run_folder::{CURVES_FILE, DRAWING_FILE, REPORT_FILE, RunOrigin};
 use capsense::{Frame, Pipeline, PipelineError, Scene};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -32,8 +32,8 @@ pub(super) struct RunArguments {
 pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     let scene = load_scene(arguments.scene.as_deref())?;
     let out = &arguments.out;
-    std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let interrupt = Interrupt::listen().context("cannot listen for Ctrl-C")?;
+    std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let started = Instant::now();
     let mut pipeline = Pipeline::new(&scene)?;
     let setup = started.elapsed().as_secs_f64() * 1e3;
@@ -72,8 +72,8 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         );
     }
     if !arguments.quiet {
-        print!("{}", summary(&scene, &pipeline, &frames));
-        println!("\nWritten to {}: {CURVES_FILE}, {DRAWING_FILE}, {REPORT_FILE}", out.display());
+        let written = format!("Written to {}: {CURVES_FILE}, {DRAWING_FILE}, {REPORT_FILE}", out.display());
+        print_out(&format!("{}\n{written}\n", summary(&scene, &pipeline, &frames)))?;
     }
     Ok(())
 }
@@ -81,8 +81,12 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
 fn progress_bar(frames: usize, quiet: bool) -> ProgressBar {
     // Nothing is drawn when stderr is no terminal.
     let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {per_sec}, {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {fps} per second, {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar())
+        .with_key("fps", |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+            // Nobody is told when a terminal cannot be written to.
+            let _ = write!(text, "{:.0}", state.per_sec());
+        });
     ProgressBar::with_draw_target(Some(frames as u64), target).with_style(style)
 }
 

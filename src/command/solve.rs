@@ -1,5 +1,6 @@
 //! `capsense solve`: one frame, with error bars.
 
+use super::output::print_out;
 use super::text::{Prefix, table};
 use super::{BadInput, load_scene};
 use capsense::core::capacitance::CapacitanceMatrix;
@@ -69,49 +70,49 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
             solver: SolverSummary {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
-                preconditioner: preconditioner_name(&scene),
+                preconditioner: preconditioner_name(&pipeline),
             },
             milliseconds: frame.milliseconds,
         };
-        println!("{}", serde_json::to_string(&solved)?);
+        print_out(&(serde_json::to_string(&solved)? + "\n"))
     } else {
-        print_readable(&scene, &pipeline, &frame, &error);
+        print_out(&readable(&scene, &pipeline, &frame, &error))
     }
-    Ok(())
 }
 
-fn print_readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &CapacitanceMatrix) {
+fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &CapacitanceMatrix) -> String {
     let base = pipeline.simulator().base();
     let names = &scene.electrodes;
-    println!("Frame {} of {} at {:.4} s, {}\n", frame.index, scene.frames, frame.time_s, scene.source.file());
+    let file = scene.source.file();
+    let mut text = format!("Frame {} of {} at {:.4} s, {file}\n\n", frame.index, scene.frames, frame.time_s);
     let unit = Prefix::for_magnitude(largest(&frame.capacitance));
-    println!("Maxwell capacitance matrix in {}, with the estimated error:", unit.symbol);
-    print!(
-        "{}",
-        matrix(names, |row, column| format!(
-            "{:.5} ± {:.5}",
-            unit.of(frame.capacitance.get(row, column)),
-            unit.of(error.get(row, column))
-        ))
-    );
-    let change = |row, column| frame.capacitance.get(row, column) - base.get(row, column);
-    let most = (0..names.len()).flat_map(|row| (0..names.len()).map(move |column| change(row, column).abs()));
-    let unit = Prefix::for_magnitude(most.fold(0.0, f64::max));
-    println!("\nChange by the objects in {}:", unit.symbol);
-    print!("{}", matrix(names, |row, column| format!("{:+.4}", unit.of(change(row, column)))));
+    text += &format!("Maxwell capacitance matrix in {}, with the estimated error:\n", unit.symbol);
+    text += &matrix(names, |row, column| {
+        let (value, error) = (frame.capacitance.get(row, column), error.get(row, column));
+        format!("{:.5} ± {:.5}", unit.of(value), unit.of(error))
+    });
+    if !scene.objects.is_empty() {
+        let change = |row, column| frame.capacitance.get(row, column) - base.get(row, column);
+        let changes =
+            (0..names.len()).flat_map(|row| (0..names.len()).map(move |column| change(row, column)));
+        let unit = Prefix::for_magnitude(changes.fold(0.0, |most, change| change.abs().max(most)));
+        text += &format!("\nChange by the objects in {}:\n", unit.symbol);
+        text += &matrix(names, |row, column| format!("{:+.4}", unit.of(change(row, column))));
+    }
     let size = MeshSize::of(pipeline.simulator().sensor().mesh());
     let took = frame.milliseconds;
-    println!("\nMesh: {} tetrahedra, {} nodes", size.tets, size.nodes);
-    println!(
-        "Solver: {} iterations ({}), relative error {:.1e}",
+    text += &format!("\nMesh: {} tetrahedra, {} nodes\n", size.tets, size.nodes);
+    text += &format!(
+        "Solver: {} iterations ({}), relative error {:.1e}\n",
         frame.solve.iterations,
-        preconditioner_name(scene),
+        preconditioner_name(pipeline),
         frame.solve.relative_error
     );
-    println!(
-        "Time: {:.2} ms = geometry {:.2} + update {:.2} + solve {:.2}",
+    text += &format!(
+        "Time: {:.2} ms = geometry {:.2} + update {:.2} + solve {:.2}\n",
         took.total, took.geometry, took.update, took.solve
     );
+    text
 }
 
 fn matrix(names: &[String], cell: impl Fn(usize, usize) -> String) -> String {
@@ -126,10 +127,11 @@ fn largest(matrix: &CapacitanceMatrix) -> f64 {
     matrix.rows().flatten().fold(0.0, |most, farads| farads.abs().max(most))
 }
 
-/// What the preconditioner is called in scene files.
-pub(super) fn preconditioner_name(scene: &Scene) -> &'static str {
+/// What the preconditioner in use is called in scene files.
+pub(super) fn preconditioner_name(pipeline: &Pipeline) -> &'static str {
     use capsense::core::solver::Preconditioner;
-    match scene.solver.preconditioner {
+    match pipeline.simulator().preconditioner() {
+        Preconditioner::Multigrid => "multigrid",
         Preconditioner::Jacobi => "jacobi",
         Preconditioner::None => "none",
     }

@@ -1,4 +1,4 @@
-//! Scene files: everything of a simulation in one TOML file (units SI, every key is explained in docs/scene.md).
+//! Scene files: everything of a simulation in one TOML file, in SI units. Every key is explained in docs/scene.md.
 //!
 //! [`Scene::load`] reads a file in three steps, each in files of its own: names and types, refusal of what cannot be
 //! computed yet, and checks of every value. What comes out are the core's types, ready for
@@ -166,9 +166,14 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
             frames as usize
         }
     };
+    let times = (0..frames).step_by(frames.div_ceil(1000)).map(|frame| frame as f64 / frame_rate);
+    for object in objects.iter().filter(|object| !object.meets(&domain, times.clone())) {
+        warnings.push(format!("{}: object `{}` never enters the domain", check.source.file(), object.name));
+    }
     let defaults = SolverOptions::default();
     let tolerance = check.fraction("solver.tolerance", raw.solver.tolerance.unwrap_or(defaults.tolerance))?;
     let preconditioner = match raw.solver.preconditioner {
+        Some(RawPreconditioner::Multigrid) => Preconditioner::Multigrid,
         Some(RawPreconditioner::Jacobi) => Preconditioner::Jacobi,
         Some(RawPreconditioner::None) => Preconditioner::None,
         _ => defaults.preconditioner,

@@ -6,7 +6,7 @@ use super::source::SceneError;
 use super::trajectory;
 use crate::motion::Motion;
 use capsense_core::geometry::{Aabb, Pose, Shape};
-use capsense_core::glam::DQuat;
+use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use std::sync::Arc;
 
@@ -21,6 +21,17 @@ pub struct SceneObject {
     pub material: Material,
     /// Where it is at each time.
     pub motion: Motion,
+}
+
+impl SceneObject {
+    /// Whether the smallest ball around the object reaches into the domain at any of some times.
+    pub(super) fn meets(&self, domain: &Aabb, mut times: impl Iterator<Item = f64>) -> bool {
+        let reach = DVec3::splat(self.shape.bounding_radius());
+        times.any(|time| {
+            let place = self.motion.pose_at(time).translation;
+            domain.intersects(&Aabb { min: place - reach, max: place + reach })
+        })
+    }
 }
 
 /// Surfaces that are not this large, in parts of the domain, were read in the wrong unit.

@@ -26,9 +26,9 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
             " = \"volume-fraction\"",
         ),
         (
-            preconditioner == Some(RawPreconditioner::Multigrid),
+            preconditioner == Some(RawPreconditioner::Multigrid) && raw.mesh.file.is_some(),
             "solver.preconditioner",
-            " = \"multigrid\" (leave the key out for the best there is)",
+            " = \"multigrid\" with mesh.file (leave the key out for the best there is)",
         ),
         (preconditioner == Some(RawPreconditioner::Ic0), "solver.preconditioner", " = \"ic0\""),
         (preconditioner == Some(RawPreconditioner::Direct), "solver.preconditioner", " = \"direct\""),

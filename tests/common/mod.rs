@@ -164,3 +164,19 @@ sphere = { radius = 0.06 }
 material = { conductor = "grounded" }
 position = [0.0, 0.0, 0.12]
 "#;
+
+/// Runs the program on a scene; says what is wrong with how it is refused, if anything is.
+pub fn refusal(folder: &Path, scene: &str, place: &str, says: &str) -> Result<(), String> {
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let outcome = capsense(folder, &["solve", "scene.toml"]);
+    let message = &outcome.stderr;
+    let ok = outcome.code == Some(2)
+        && message.starts_with(&format!("error: {place}"))
+        && message.contains(says)
+        && message.lines().count() == 1;
+    if ok { Ok(()) } else { Err(format!("expected `{place} … {says}`, got {:?} {message}", outcome.code)) }
+}
+
+pub fn expect_refusal(folder: &Path, scene: &str, file: &str, line: usize, key: &str, says: &str) {
+    refusal(folder, scene, &format!("{file}:{line}: {key}"), says).unwrap();
+}

@@ -247,6 +247,7 @@ pub enum ElectrodeNodes {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sensor {
     mesh: TetMesh,
+    lattice: Option<Lattice>,
     electrode_names: Vec<String>,
     terminals: Vec<Terminal>,
     /// Thin electrodes by shape: their outlines may cut mesh edges. `None` for electrodes given by nodes.
@@ -283,7 +284,8 @@ impl Sensor {
         }
         let electrodes =
             design.electrodes.iter().map(|e| (e.name.clone(), ElectrodeNodes::Shape(e.clone()))).collect();
-        Self::on_mesh(mesh, &ground, electrodes)
+        let sensor = Self::on_mesh(mesh, &ground, electrodes)?;
+        Ok(Self { lattice: Some(lattice.clone()), ..sensor })
     }
 
     /// Takes a mesh, its grounded nodes, and its electrodes. A node that is grounded and on an electrode is the
@@ -302,6 +304,7 @@ impl Sensor {
         let mut sensor = Self {
             terminals: vec![FREE; mesh.nodes().len()],
             mesh,
+            lattice: None,
             electrode_names: Vec::new(),
             shapes: Vec::new(),
             flat,
@@ -357,6 +360,11 @@ impl Sensor {
     /// The mesh.
     pub fn mesh(&self) -> &TetMesh {
         &self.mesh
+    }
+
+    /// The lattice that the mesh was made from, if it was: its nodes are the mesh's, in the same order.
+    pub fn lattice(&self) -> Option<&Lattice> {
+        self.lattice.as_ref()
     }
 
     /// Names of the electrodes in the order of the capacitance matrix.

@@ -5,7 +5,7 @@ use crate::estimate::discretisation_error;
 use crate::material::{Connection, Material};
 use crate::occupancy::{EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{Pcg, SolveError, SolveReport, SolverOptions};
+use crate::solver::{Pcg, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -133,9 +133,10 @@ impl Simulator {
         check(&sensor, &materials, &options)?;
         let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.ends().len());
+        let occupancy = Occupancy::empty(nodes, network.edges().len());
         let matrix = StiffnessMatrix::new(network, nodes, materials.len());
-        let fields = Fields::new(&sensor, &materials);
+        let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
+        fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
         let to_ground = vec![0.0; electrodes.size()];
         let mut simulator = Self {
@@ -178,12 +179,13 @@ impl Simulator {
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
             terminals: self.sensor.terminals(),
-            ends: self.matrix.network().ends(),
+            edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
         self.occupancy.update(mesh, &self.materials, surfaces);
         self.matrix.update(&self.occupancy);
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
+        self.fields.refresh(&self.matrix, self.occupancy.changed_nodes());
         Ok(self.occupancy.changed_edges().len())
     }
 
@@ -266,6 +268,11 @@ impl Simulator {
         &self.sensor
     }
 
+    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    pub fn preconditioner(&self) -> Preconditioner {
+        self.fields.pcg.preconditioner()
+    }
+
     /// The stiffness matrix of the last frame.
     pub fn matrix(&self) -> &StiffnessMatrix {
         &self.matrix
@@ -295,7 +302,7 @@ fn check(sensor: &Sensor, materials: &[Material], options: &SolverOptions) -> Re
 }
 
 impl Fields {
-    fn new(sensor: &Sensor, materials: &[Material]) -> Self {
+    fn new(sensor: &Sensor, materials: &[Material], preconditioner: Preconditioner) -> Self {
         let electrodes = sensor.electrode_names().len() as Terminal;
         let objects = electrodes + 1..electrodes + 1 + materials.len() as Terminal;
         let released =
@@ -309,7 +316,7 @@ impl Fields {
             fixed: row_terminals.iter().map(|&terminal| terminal != FREE).collect(),
             terminals,
             row_terminals,
-            pcg: Pcg::new(rows),
+            pcg: Pcg::new(rows, preconditioner, sensor.lattice()),
         };
         fields.reset();
         fields
@@ -347,6 +354,12 @@ impl Fields {
                 }
             }
         }
+    }
+
+    /// Tells the preconditioner which rows changed and which nodes a conductor took or left.
+    fn refresh(&mut self, matrix: &StiffnessMatrix, moved: &[u32]) {
+        let changed = matrix.changed_rows().iter().chain(moved).copied();
+        self.pcg.refresh(matrix, &self.fixed, changed);
     }
 
     fn solve(

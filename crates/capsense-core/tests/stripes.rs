@@ -119,7 +119,7 @@ fn a_bar_that_leaves_the_scene_leaves_no_trace() {
         let _ = simulator.step(&depth_of_boxes([64, 64], &[bar(0.02, shift)])).unwrap();
     }
     let _ = simulator.step(&depth_of_boxes([64, 64], &[bar(2.0, 0.0)])).unwrap();
-    assert_eq!(simulator.matrix().csr(), fresh.matrix().csr());
+    assert_eq!(simulator.matrix().to_csr(), fresh.matrix().to_csr());
     let (after, before) = (simulator.capacitance().get(0, 0), simulator.base().get(0, 0));
     assert!((after / before - 1.0).abs() < 1e-12);
 }
@@ -164,7 +164,7 @@ proptest! {
         }
         let mut fresh = simulator(materials, EXACT);
         let _ = fresh.step(&last.unwrap()).unwrap();
-        prop_assert_eq!(moving.matrix().csr(), fresh.matrix().csr());
+        prop_assert_eq!(moving.matrix().to_csr(), fresh.matrix().to_csr());
         for i in 0..3 {
             let (a, b) = (moving.capacitance().get(i, i), fresh.capacitance().get(i, i));
             prop_assert!((a / b - 1.0).abs() < 1e-8, "{} {}", a, b);

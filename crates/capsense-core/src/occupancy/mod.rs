@@ -11,6 +11,7 @@ pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 
 use crate::geometry::Aabb;
 use crate::material::Material;
+use crate::mesh::Edges;
 use crate::sensor::{FREE, Terminal};
 use coupling::EdgeRule;
 use glam::DVec3;
@@ -54,8 +55,8 @@ pub struct EdgeGeometry<'a> {
     pub nodes: &'a [DVec3],
     /// Terminal of each node without objects; nodes that have one keep it.
     pub terminals: &'a [Terminal],
-    /// The two nodes of each edge.
-    pub ends: &'a [[u32; 2]],
+    /// The mesh edges.
+    pub edges: &'a Edges,
     /// Mean relative permittivity of the background around each edge.
     pub permittivity: &'a [f64],
 }
@@ -75,14 +76,28 @@ pub struct Occupancy {
 }
 
 /// Storage that is kept from frame to frame so that an update allocates nothing once it has grown.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Scratch {
+    /// Where each object is, and where it was in the frame before.
     bounds: Vec<Aabb>,
+    old_bounds: Vec<Aabb>,
     /// Objects whose bounds meet the edge at hand, with their spans.
     spans: Vec<(u16, Span)>,
     breaks: Vec<f64>,
     old_links: Vec<Link>,
     node_changed: Vec<bool>,
+    /// The frame in which each node and edge was last looked at; regions of several objects overlap.
+    node_seen: Vec<u32>,
+    edge_seen: Vec<u32>,
+    frame: u32,
+}
+
+impl Scratch {
+    /// Where an object is or was.
+    fn region(&self, object: usize) -> Aabb {
+        let (now, before) = (self.bounds[object], self.old_bounds[object]);
+        Aabb { min: now.min.min(before.min), max: now.max.max(before.max) }
+    }
 }
 
 impl Occupancy {
@@ -92,75 +107,120 @@ impl Occupancy {
             conductor: vec![NO_OBJECT; nodes],
             through: vec![1.0; edges],
             links: Vec::new(),
-            changed_edges: Vec::with_capacity(edges),
-            changed_nodes: Vec::with_capacity(nodes),
-            scratch: Scratch { node_changed: vec![false; nodes], ..Scratch::default() },
+            changed_edges: Vec::new(),
+            changed_nodes: Vec::new(),
+            scratch: Scratch {
+                bounds: Vec::new(),
+                old_bounds: Vec::new(),
+                spans: Vec::new(),
+                breaks: Vec::new(),
+                old_links: Vec::new(),
+                node_changed: vec![false; nodes],
+                node_seen: vec![0; nodes],
+                edge_seen: vec![0; edges],
+                frame: 0,
+            },
         }
     }
 
     /// Moves to the next frame. Of two conductors that overlap the first listed wins, a conductor wins over a
-    /// dielectric, and nodes with a terminal keep it.
+    /// dielectric, and nodes with a terminal keep it. Only nodes and edges near where an object is or was are visited.
     pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &impl Surfaces) {
-        self.scratch.bounds.clear();
-        self.scratch.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
-        self.update_nodes(mesh, materials, surfaces);
-        self.update_edges(mesh, materials, surfaces);
+        let scratch = &mut self.scratch;
+        std::mem::swap(&mut scratch.bounds, &mut scratch.old_bounds);
+        scratch.bounds.clear();
+        scratch.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
+        scratch.old_bounds.resize(materials.len(), Aabb::EMPTY);
+        scratch.frame = scratch.frame.wrapping_add(1);
+        for &node in &self.changed_nodes {
+            scratch.node_changed[node as usize] = false;
+        }
+        std::mem::swap(&mut self.links, &mut scratch.old_links);
+        self.changed_nodes.clear();
+        self.changed_edges.clear();
+        self.links.clear();
+        for object in 0..materials.len() {
+            self.update_nodes(self.scratch.region(object), mesh, materials, surfaces);
+        }
+        for object in 0..materials.len() {
+            self.update_edges(self.scratch.region(object), mesh, materials, surfaces);
+        }
+        // Sums over links must not depend on where objects were before.
+        self.links.sort_by_key(|link| link.edge);
+        self.compare_links();
+        self.changed_edges.sort_unstable();
+        self.changed_edges.dedup();
     }
 
-    fn update_nodes(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &impl Surfaces) {
-        for &node in &self.changed_nodes {
-            self.scratch.node_changed[node as usize] = false;
-        }
-        self.changed_nodes.clear();
-        for (node, &point) in mesh.nodes.iter().enumerate() {
-            if mesh.terminals[node] != FREE {
-                continue;
+    fn update_nodes(
+        &mut self,
+        region: Aabb,
+        mesh: EdgeGeometry<'_>,
+        materials: &[Material],
+        surfaces: &impl Surfaces,
+    ) {
+        let Scratch { bounds, node_seen, node_changed, frame, .. } = &mut self.scratch;
+        mesh.edges.for_nodes_near(mesh.nodes, &region, |node| {
+            if mesh.terminals[node] != FREE || std::mem::replace(&mut node_seen[node], *frame) == *frame {
+                return;
             }
+            let point = mesh.nodes[node];
             let owner = (0..materials.len()).find(|&object| {
                 matches!(materials[object], Material::Conductor(_))
-                    && self.scratch.bounds[object].contains(point)
+                    && bounds[object].contains(point)
                     && surfaces.contains(object, point)
             });
             let owner = owner.map_or(NO_OBJECT, |object| object as u16);
             if owner != self.conductor[node] {
                 self.conductor[node] = owner;
                 self.changed_nodes.push(node as u32);
-                self.scratch.node_changed[node] = true;
+                node_changed[node] = true;
             }
-        }
+        });
     }
 
-    fn update_edges(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &impl Surfaces) {
-        let scratch = &mut self.scratch;
-        std::mem::swap(&mut self.links, &mut scratch.old_links);
-        self.links.clear();
-        self.changed_edges.clear();
-        let mut old_links = scratch.old_links.iter().peekable();
-        for (edge, &ends) in mesh.ends.iter().enumerate() {
+    fn update_edges(
+        &mut self,
+        region: Aabb,
+        mesh: EdgeGeometry<'_>,
+        materials: &[Material],
+        surfaces: &impl Surfaces,
+    ) {
+        let Scratch { bounds, spans, breaks, node_changed, edge_seen, frame, .. } = &mut self.scratch;
+        mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
+            if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
+                return;
+            }
             let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
             let edge_bounds = Aabb { min: a.min(b), max: a.max(b) };
-            scratch.spans.clear();
-            for (object, bounds) in scratch.bounds.iter().enumerate() {
+            let owners = ends.map(|node| self.conductor[node as usize]);
+            spans.clear();
+            for (object, bounds) in bounds.iter().enumerate() {
                 if bounds.intersects(&edge_bounds)
                     && let Some(span) = surfaces.span(object, a, b)
                 {
-                    scratch.spans.push((object as u16, span));
+                    spans.push((object as u16, span));
                 }
             }
-            let rule = EdgeRule {
-                owners: ends.map(|node| self.conductor[node as usize]),
-                spans: &mut scratch.spans,
-                materials,
-                background: mesh.permittivity[edge],
-            };
-            let coupling = rule.coupling(&mut scratch.breaks);
-            let first_link = self.links.len();
+            let rule = EdgeRule { owners, spans, materials, background: mesh.permittivity[edge] };
+            let coupling = rule.coupling(breaks);
             self.links.extend(coupling.links(edge as u32, ends));
-            let relinked = take_links_of(&mut old_links, edge as u32).ne(self.links[first_link..].iter());
-            let moved = ends.iter().any(|&node| scratch.node_changed[node as usize]);
-            if relinked || moved || coupling.through.to_bits() != self.through[edge].to_bits() {
+            let moved = ends.iter().any(|&node| node_changed[node as usize]);
+            if moved || coupling.through.to_bits() != self.through[edge].to_bits() {
                 self.through[edge] = coupling.through;
                 self.changed_edges.push(edge as u32);
+            }
+        });
+    }
+
+    /// Edges whose links are others than in the frame before changed too. Both lists are in the order of the edges.
+    fn compare_links(&mut self) {
+        let (mut old, mut new) = (self.scratch.old_links.iter().peekable(), self.links.iter().peekable());
+        while let Some(edge) = old.peek().into_iter().chain(new.peek()).map(|link| link.edge).min() {
+            if !take_links_of(&mut old, edge).eq(take_links_of(&mut new, edge)) {
+                self.changed_edges.push(edge);
+                while old.next_if(|link| link.edge == edge).is_some() {}
+                while new.next_if(|link| link.edge == edge).is_some() {}
             }
         }
     }

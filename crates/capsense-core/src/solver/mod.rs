@@ -1,5 +1,7 @@
 //! Solves K φ = 0 on the free rows for many terminals at once.
 
+mod energy_error;
+mod lattice;
 mod pcg;
 mod preconditioner;
 
@@ -19,7 +21,7 @@ pub struct SolverOptions {
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-4, preconditioner: Preconditioner::Jacobi, max_iterations: 20_000 }
+        Self { tolerance: 1e-4, preconditioner: Preconditioner::default(), max_iterations: 20_000 }
     }
 }
 

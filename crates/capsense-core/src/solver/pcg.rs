@@ -1,52 +1,48 @@
 //! Preconditioned conjugate gradients for several terminals at once.
 //!
-//! The columns share every pass over the matrix and keep their own step lengths. Each iteration lowers the energy
-//! φᵀKφ of a column by α (r·z), Hestenes and Stiefel 1952, and the energy is that terminal's self-capacitance: the
-//! drops still to come are its error. The sum of the last few drops estimates the error before them, so it is an upper
-//! estimate of the error now as long as that many iterations halve the error (Strakoš and Tichý 2002).
+//! The columns share every pass over the matrix and keep their own step lengths.
 
-use super::{SolveError, SolveReport, SolverOptions, preconditioner};
+use super::energy_error::{EnergyError, ErrorRule};
+use super::preconditioner::{ApproximateInverse, Preconditioner};
+use super::{SolveError, SolveReport, SolverOptions};
+use crate::mesh::Lattice;
 use crate::stiffness::{LANES, Lane, StiffnessMatrix};
 
-/// How many energy drops are summed up to estimate the error.
-const WINDOW: usize = 12;
-
-/// Working storage of the iteration, sized once.
+/// The iteration with its preconditioner and working storage, sized once.
 #[derive(Clone, Debug)]
 pub struct Pcg {
-    factors: Vec<f64>,
+    inverse: ApproximateInverse,
+    rule: ErrorRule,
     r: Vec<Lane>,
     z: Vec<Lane>,
     p: Vec<Lane>,
     q: Vec<Lane>,
 }
 
-/// What is known of each column.
-struct Columns {
-    energy: Lane,
-    drops: [Lane; WINDOW],
-    active: [bool; LANES],
-}
+impl Pcg {
+    /// Storage for a matrix with so many rows; `lattice` when its nodes are those of a lattice.
+    pub fn new(rows: usize, preconditioner: Preconditioner, lattice: Option<&Lattice>) -> Self {
+        let inverse = ApproximateInverse::new(preconditioner, rows, lattice);
+        let rule = match inverse {
+            ApproximateInverse::Multigrid(_) => ErrorRule::Spectrum { condition: None, solves: 0 },
+            ApproximateInverse::Diagonal { .. } => ErrorRule::Window,
+        };
+        let zeros = vec![[0.0; LANES]; rows];
+        Self { inverse, rule, r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), q: zeros }
+    }
 
-impl Columns {
-    fn error(&self, lane: usize) -> f64 {
-        if self.energy[lane] > 0.0 {
-            self.drops.iter().map(|drop| drop[lane]).sum::<f64>() / self.energy[lane]
-        } else {
-            0.0
+    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    pub fn preconditioner(&self) -> Preconditioner {
+        match self.inverse {
+            ApproximateInverse::Multigrid(_) => Preconditioner::Multigrid,
+            ApproximateInverse::Diagonal { kind, .. } => kind,
         }
     }
 
-    fn worst_error(&self) -> f64 {
-        (0..LANES).map(|lane| self.error(lane)).fold(0.0, f64::max)
-    }
-}
-
-impl Pcg {
-    /// Storage for a matrix with so many rows.
-    pub fn new(rows: usize) -> Self {
-        let zeros = vec![[0.0; LANES]; rows];
-        Self { factors: vec![0.0; rows], r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), q: zeros }
+    /// Takes over a changed matrix. `changed` must hold every node whose row changed or that became fixed or free
+    /// since the last call; all nodes at the first.
+    pub fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
+        self.inverse.refresh(matrix, fixed, changed);
     }
 
     /// Improves the fields `x` until the tolerance is reached. Fixed rows of `x` keep their values; free rows hold the
@@ -62,109 +58,93 @@ impl Pcg {
         kx: &mut [Lane],
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
-        options.preconditioner.row_factors(matrix, fixed, &mut self.factors);
-        let mut columns = self.start(matrix, fixed, x);
-        let mut rz = preconditioner::apply(&self.factors, &self.r, &mut self.z);
+        let (energy, mut active) = self.start(matrix, fixed, x);
+        let mut error = EnergyError::new(self.rule, energy);
+        let mut rz = self.inverse.apply(&self.r, &mut self.z);
         self.p.copy_from_slice(&self.z);
         let mut iterations = 0;
-        while columns.active.contains(&true) {
+        while active.contains(&true) {
             if iterations == options.max_iterations {
                 return Err(SolveError::NotConverged {
                     iterations,
-                    relative_error: columns.worst_error(),
+                    relative_error: error.worst(),
                     tolerance: options.tolerance,
                 });
             }
-            let alpha = self.step_lengths(matrix, &mut columns, rz, iterations)?;
-            self.advance(x, alpha);
-            let next = preconditioner::apply(&self.factors, &self.r, &mut self.z);
-            for lane in 0..LANES {
-                let drop = alpha[lane] * rz[lane];
-                columns.energy[lane] -= drop;
-                columns.drops[iterations % WINDOW][lane] = drop;
-                let settled = iterations + 1 >= WINDOW && columns.error(lane) <= options.tolerance;
-                if settled || next[lane] == 0.0 {
-                    columns.active[lane] = false;
-                }
-            }
-            self.turn(next, rz);
-            rz = next;
+            let alpha = self.step_lengths(matrix, &mut active, rz, iterations)?;
+            self.advance(fixed, x, alpha);
+            error.record(alpha, rz);
             iterations += 1;
+            for (lane, active) in active.iter_mut().enumerate() {
+                *active &= !error.is_below(lane, options.tolerance);
+            }
+            if active.contains(&true) {
+                let next = self.inverse.apply(&self.r, &mut self.z);
+                self.turn(next, rz);
+                rz = next;
+            }
         }
+        self.rule = error.rule();
         matrix.apply(x, kx);
-        Ok(SolveReport { iterations, relative_error: columns.worst_error(), residual: residual(fixed, kx) })
+        let relative_error = if iterations == 0 { 0.0 } else { error.worst() };
+        Ok(SolveReport { iterations, relative_error, residual: residual(fixed, kx) })
     }
 
-    /// Residual and energy of the initial guess.
-    fn start(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], x: &[Lane]) -> Columns {
-        matrix.apply(x, &mut self.q);
-        let mut columns =
-            Columns { energy: [0.0; LANES], drops: [[0.0; LANES]; WINDOW], active: [false; LANES] };
-        for (row, r) in self.r.iter_mut().enumerate() {
+    /// Residual, energies, and which columns have anything to do.
+    fn start(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], x: &[Lane]) -> (Lane, [bool; LANES]) {
+        let energy = matrix.apply(x, &mut self.r);
+        let mut active = [false; LANES];
+        for (r, &fixed) in self.r.iter_mut().zip(fixed) {
             for lane in 0..LANES {
-                columns.energy[lane] += x[row][lane] * self.q[row][lane];
-                r[lane] = if fixed[row] { 0.0 } else { -self.q[row][lane] };
-                columns.active[lane] |= r[lane] != 0.0;
+                r[lane] = if fixed { 0.0 } else { -r[lane] };
+                active[lane] |= r[lane] != 0.0;
             }
         }
-        columns
+        (energy, active)
     }
 
     /// q = K p and α = (r·z)/(p·q); zero for columns that are done.
     fn step_lengths(
         &mut self,
         matrix: &StiffnessMatrix,
-        columns: &mut Columns,
+        active: &mut [bool; LANES],
         rz: Lane,
         iteration: usize,
     ) -> Result<Lane, SolveError> {
-        matrix.apply(&self.p, &mut self.q);
-        let mut curvature = [0.0; LANES];
-        for (p, q) in self.p.iter().zip(&self.q) {
-            for lane in 0..LANES {
-                curvature[lane] += p[lane] * q[lane];
-            }
-        }
+        let curvature = matrix.apply(&self.p, &mut self.q);
         let mut alpha = [0.0; LANES];
-        for lane in 0..LANES {
-            if !columns.active[lane] {
-                continue;
-            }
-            let (rz, curvature) = (rz[lane], curvature[lane]);
+        for (column, active) in active.iter_mut().enumerate().filter(|(_, active)| **active) {
+            let (rz, curvature) = (rz[column], curvature[column]);
             if !(rz.is_finite() && curvature.is_finite()) {
-                return Err(SolveError::NonFinite { column: lane, iteration });
+                return Err(SolveError::NonFinite { column, iteration });
             }
             if rz == 0.0 {
-                columns.active[lane] = false;
+                *active = false;
             } else if curvature <= 0.0 || rz < 0.0 {
-                return Err(SolveError::Indefinite { column: lane, iteration, curvature });
+                return Err(SolveError::Indefinite { column, iteration, curvature });
             } else {
-                alpha[lane] = rz / curvature;
+                alpha[column] = rz / curvature;
             }
         }
         Ok(alpha)
     }
 
     /// x += α p, r -= α q on the free rows.
-    fn advance(&mut self, x: &mut [Lane], alpha: Lane) {
-        for (row, x) in x.iter_mut().enumerate() {
-            // Zero on fixed rows, where p is zero too.
-            let free = if self.factors[row] == 0.0 { 0.0 } else { 1.0 };
-            for lane in 0..LANES {
-                x[lane] += alpha[lane] * self.p[row][lane];
-                self.r[row][lane] -= free * alpha[lane] * self.q[row][lane];
+    fn advance(&mut self, fixed: &[bool], x: &mut [Lane], alpha: Lane) {
+        for (row, (x, r)) in x.iter_mut().zip(&mut self.r).enumerate() {
+            if !fixed[row] {
+                for lane in 0..LANES {
+                    x[lane] += alpha[lane] * self.p[row][lane];
+                    r[lane] -= alpha[lane] * self.q[row][lane];
+                }
             }
         }
     }
 
     /// p = z + β p with β the ratio of the new r·z to the old.
     fn turn(&mut self, next: Lane, rz: Lane) {
-        let mut beta = [0.0; LANES];
-        for lane in 0..LANES {
-            if rz[lane] != 0.0 {
-                beta[lane] = next[lane] / rz[lane];
-            }
-        }
+        let beta: Lane =
+            std::array::from_fn(|lane| if rz[lane] == 0.0 { 0.0 } else { next[lane] / rz[lane] });
         for (p, z) in self.p.iter_mut().zip(&self.z) {
             for lane in 0..LANES {
                 p[lane] = z[lane] + beta[lane] * p[lane];

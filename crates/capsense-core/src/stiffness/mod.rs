@@ -6,12 +6,17 @@
 //! Values are recomputed from base weights and factors, not accumulated, so K after any number of frames equals K
 //! built afresh.
 
+mod csr;
+mod lattice;
 mod network;
 
 pub use network::{EdgeNetwork, barycentric_gradients};
 
+use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
-use nalgebra_sparse::{CooMatrix, CsrMatrix};
+use csr::CsrValues;
+use lattice::LatticeValues;
+use nalgebra_sparse::CsrMatrix;
 
 /// A right-hand side, field or residual at one row, for up to [`LANES`] terminals at once.
 pub type Lane = [f64; LANES];
@@ -23,14 +28,22 @@ pub const LANES: usize = 4;
 #[derive(Clone, Debug)]
 pub struct StiffnessMatrix {
     network: EdgeNetwork,
+    nodes: usize,
     objects: usize,
-    csr: CsrMatrix<f64>,
-    /// Where the two entries of each edge are in the values.
-    slots: Vec<[u32; 2]>,
-    diagonal_slots: Vec<u32>,
+    values: Values,
     links: Vec<WeightedLink>,
+    /// Sum of the weights of each node's links.
+    link_sums: Vec<f64>,
     dirty: Vec<bool>,
-    dirty_rows: Vec<u32>,
+    /// Rows whose values the last update recomputed.
+    changed_rows: Vec<u32>,
+}
+
+/// The current weights, stored as the mesh allows.
+#[derive(Clone, Debug)]
+enum Values {
+    Lattice(LatticeValues),
+    Csr(CsrValues),
 }
 
 /// A capacitance between a node's row and an object's row.
@@ -44,32 +57,19 @@ struct WeightedLink {
 impl StiffnessMatrix {
     /// Builds the matrix of a network without objects; up to `objects` may come later.
     pub fn new(network: EdgeNetwork, nodes: usize, objects: usize) -> Self {
-        let mut pattern = CooMatrix::new(nodes, nodes);
-        for row in 0..nodes {
-            pattern.push(row, row, 0.0);
-        }
-        for (ends, &weight) in network.ends().iter().zip(network.weights()) {
-            let [a, b] = ends.map(|node| node as usize);
-            pattern.push(a, b, -weight);
-            pattern.push(b, a, -weight);
-        }
-        let csr = CsrMatrix::from(&pattern);
-        let slot = |row: u32, column: u32| {
-            let start = csr.row_offsets()[row as usize];
-            let columns = csr.row(row as usize);
-            (start + columns.col_indices().partition_point(|&c| c < column as usize)) as u32
+        let values = match network.edges() {
+            Edges::Lattice(lattice) => Values::Lattice(LatticeValues::new(lattice, network.weights())),
+            edges @ Edges::List(_) => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
         };
-        let slots = network.ends().iter().map(|&[a, b]| [slot(a, b), slot(b, a)]).collect();
-        let diagonal_slots = (0..nodes as u32).map(|row| slot(row, row)).collect();
         let mut matrix = Self {
             network,
+            nodes,
             objects,
-            slots,
-            diagonal_slots,
+            values,
             links: Vec::new(),
+            link_sums: vec![0.0; nodes],
             dirty: vec![true; nodes],
-            dirty_rows: (0..nodes as u32).collect(),
-            csr,
+            changed_rows: (0..nodes as u32).collect(),
         };
         matrix.refresh_diagonal();
         matrix
@@ -77,72 +77,62 @@ impl StiffnessMatrix {
 
     /// Takes over what changed in the occupancy. Only changed rows are touched.
     pub fn update(&mut self, occupancy: &Occupancy) {
+        self.changed_rows.clear();
         for index in 0..self.links.len() {
-            self.mark(self.links[index].node);
+            let node = self.links[index].node;
+            self.link_sums[node as usize] = 0.0;
+            self.mark(node);
         }
         self.links.clear();
         for &edge in occupancy.changed_edges() {
             let edge = edge as usize;
-            let weight = self.weight(edge, occupancy.through()[edge]);
-            for slot in self.slots[edge] {
-                self.csr.values_mut()[slot as usize] = -weight;
+            let base = self.network.weights()[edge];
+            // Negative weights are no capacitors; they are left as they are.
+            let weight = if base > 0.0 { base * occupancy.through()[edge] } else { base };
+            match &mut self.values {
+                Values::Lattice(values) => values.set_weight(edge, weight),
+                Values::Csr(values) => values.set_weight(edge, weight),
             }
-            for node in self.network.ends()[edge] {
+            for node in self.network.edges().ends(edge).into_iter().flatten() {
                 self.mark(node);
             }
         }
-        let nodes = self.nodes() as u32;
         for link in occupancy.links() {
             let base = self.network.weights()[link.edge as usize];
-            // Negative weights are no capacitors; they are left as they are.
             if base > 0.0 {
-                self.links.push(WeightedLink {
-                    node: link.node,
-                    object_row: nodes + u32::from(link.object),
-                    weight: base * link.factor,
-                });
+                let (weight, object_row) = (base * link.factor, self.nodes as u32 + u32::from(link.object));
+                self.links.push(WeightedLink { node: link.node, object_row, weight });
+                self.link_sums[link.node as usize] += weight;
                 self.mark(link.node);
             }
         }
         self.refresh_diagonal();
     }
 
-    fn weight(&self, edge: usize, factor: f64) -> f64 {
-        let base = self.network.weights()[edge];
-        if base > 0.0 { base * factor } else { base }
-    }
-
     fn mark(&mut self, row: u32) {
         if !std::mem::replace(&mut self.dirty[row as usize], true) {
-            self.dirty_rows.push(row);
+            self.changed_rows.push(row);
         }
     }
 
-    /// Each marked diagonal becomes minus the sum of its row's other entries.
     fn refresh_diagonal(&mut self) {
-        for &row in &self.dirty_rows {
+        for &row in &self.changed_rows {
             let row = row as usize;
-            let diagonal = self.diagonal_slots[row] as usize;
-            let range = self.csr.row_offsets()[row]..self.csr.row_offsets()[row + 1];
-            let values = self.csr.values_mut();
-            values[diagonal] = 0.0;
-            values[diagonal] = -values[range].iter().sum::<f64>();
             self.dirty[row] = false;
-        }
-        self.dirty_rows.clear();
-        for link in &self.links {
-            self.csr.values_mut()[self.diagonal_slots[link.node as usize] as usize] += link.weight;
+            if let Values::Csr(values) = &mut self.values {
+                values.refresh_diagonal(row, self.link_sums[row]);
+            }
         }
     }
 
     /// Number of node rows.
     pub fn nodes(&self) -> usize {
-        self.csr.nrows()
+        self.nodes
     }
 
     /// Number of rows: nodes, then objects.
     pub fn rows(&self) -> usize {
-        self.nodes() + self.objects
+        self.nodes + self.objects
     }
 
     /// The edges and their weights without objects.
@@ -151,37 +141,65 @@ impl StiffnessMatrix {
     }
 
     /// The part of the matrix over nodes, in metres times relative permittivity.
-    pub fn csr(&self) -> &CsrMatrix<f64> {
-        &self.csr
+    pub fn to_csr(&self) -> CsrMatrix<f64> {
+        match &self.values {
+            Values::Csr(values) => values.matrix().clone(),
+            Values::Lattice(values) => {
+                let edges = self.network.edges();
+                let weights: Vec<f64> = (0..edges.len()).map(|e| values.weight(e / 3, e % 3)).collect();
+                let mut csr = CsrValues::new(edges, &weights, self.nodes);
+                (0..self.nodes).for_each(|row| csr.refresh_diagonal(row, self.link_sums[row]));
+                csr.matrix().clone()
+            }
+        }
     }
 
     /// The diagonal entry of a node's row.
     pub fn diagonal(&self, node: usize) -> f64 {
-        self.csr.values()[self.diagonal_slots[node] as usize]
+        match &self.values {
+            Values::Lattice(values) => values.diagonal(node) + self.link_sums[node],
+            Values::Csr(values) => values.diagonal(node),
+        }
     }
 
-    /// y = K x, all columns at once.
-    pub fn apply(&self, x: &[Lane], y: &mut [Lane]) {
-        let (offsets, columns, values) = self.csr.csr_data();
-        for (row, y) in y[..self.csr.nrows()].iter_mut().enumerate() {
-            let entries = offsets[row]..offsets[row + 1];
-            let mut sum = [0.0; LANES];
-            for (&column, &value) in columns[entries.clone()].iter().zip(&values[entries]) {
-                let x = &x[column];
-                for lane in 0..LANES {
-                    sum[lane] += value * x[lane];
-                }
-            }
-            *y = sum;
+    /// The weight from a node of a lattice to the next one along an axis; zero on other meshes.
+    pub(crate) fn lattice_weight(&self, node: usize, axis: usize) -> f64 {
+        match &self.values {
+            Values::Lattice(values) => values.weight(node, axis),
+            Values::Csr(_) => 0.0,
         }
-        y[self.csr.nrows()..].fill([0.0; LANES]);
+    }
+
+    /// Sum of the weights of a node's links to objects.
+    pub fn link_weight(&self, node: usize) -> f64 {
+        self.link_sums[node]
+    }
+
+    /// Rows that the last update recomputed; all rows of a new matrix.
+    pub fn changed_rows(&self) -> &[u32] {
+        &self.changed_rows
+    }
+
+    /// y = K x, all columns at once, and the columns' energies xᵀKx.
+    pub fn apply(&self, x: &[Lane], y: &mut [Lane]) -> Lane {
+        let mut energy = match &self.values {
+            Values::Lattice(values) => values.apply(x, y),
+            Values::Csr(values) => values.apply(x, y),
+        };
+        y[self.nodes..].fill([0.0; LANES]);
         for link in &self.links {
             let (node, object) = (link.node as usize, link.object_row as usize);
+            // The node's own share stands on the diagonal of compressed rows; a lattice has no diagonal.
+            let own = if matches!(self.values, Values::Lattice(_)) { 1.0 } else { 0.0 };
             for lane in 0..LANES {
-                // The node's own share stands on the diagonal.
-                y[node][lane] -= link.weight * x[object][lane];
-                y[object][lane] += link.weight * (x[object][lane] - x[node][lane]);
+                let (at_node, at_object) = (x[node][lane], x[object][lane]);
+                let to_node = link.weight * (own * at_node - at_object);
+                let to_object = link.weight * (at_object - at_node);
+                y[node][lane] += to_node;
+                y[object][lane] += to_object;
+                energy[lane] += at_node * to_node + at_object * to_object;
             }
         }
+        energy
     }
 }

@@ -4,7 +4,7 @@
 //! w_ij = -Σ_e ε_e ∫_e ∇λ_i·∇λ_j, relative permittivity times length, in metres. Edges without a weight, such as the
 //! diagonals of Kuhn tetrahedra, are left out.
 
-use crate::mesh::{TetMesh, signed_volume};
+use crate::mesh::{Edges, Lattice, TetMesh, signed_volume};
 use crate::occupancy::SMALLEST_PART;
 use crate::sensor::Sensor;
 use glam::DVec3;
@@ -12,10 +12,10 @@ use glam::DVec3;
 /// Weights below this part of the sum of their elements' contributions are rounding errors of zero.
 const CANCELLED: f64 = 1e-12;
 
-/// The edges of a mesh that carry a weight, ordered by their first, then their second node.
+/// The edges of a mesh and their weights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EdgeNetwork {
-    ends: Vec<[u32; 2]>,
+    edges: Edges,
     weights: Vec<f64>,
     permittivity: Vec<f64>,
 }
@@ -31,7 +31,7 @@ struct Contribution {
 }
 
 impl EdgeNetwork {
-    /// Assembles the network of a mesh.
+    /// Assembles the network of any mesh: its edges that carry a weight, ordered by their first, then second node.
     pub fn assemble(mesh: &TetMesh) -> Self {
         let mut contributions = Vec::with_capacity(6 * mesh.tets().len());
         for (element, (tet, &permittivity)) in
@@ -54,26 +54,60 @@ impl EdgeNetwork {
         }
         // Stable, so that each edge is summed in the order of its elements on every run.
         contributions.sort_by_key(|c| c.ends);
-        let mut network = Self { ends: Vec::new(), weights: Vec::new(), permittivity: Vec::new() };
+        let (mut ends, mut weights, mut permittivity) = (Vec::new(), Vec::new(), Vec::new());
         for of_edge in contributions.chunk_by(|a, b| a.ends == b.ends) {
             let sum = |part: fn(&Contribution) -> f64| of_edge.iter().map(part).sum::<f64>();
             let (weight, vacuum) = (sum(|c| c.weight), sum(|c| c.vacuum));
             if weight.abs() > CANCELLED * sum(|c| c.magnitude) {
-                let ratio = weight / vacuum;
-                network.ends.push(of_edge[0].ends);
-                network.weights.push(weight);
-                network.permittivity.push(if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 });
+                ends.push(of_edge[0].ends);
+                weights.push(weight);
+                permittivity.push(mean_permittivity(weight, vacuum));
             }
         }
-        network
+        Self { edges: Edges::List(ends), weights, permittivity }
+    }
+
+    /// Assembles the network of a lattice; `permittivity` is that of its tetrahedra, six for each cell.
+    ///
+    /// A cell of size a b c has the weight bc/a along x: a third of it on each of the two edges on which walks of two
+    /// Kuhn tetrahedra start or end, a sixth on each of the other two.
+    pub fn assemble_lattice(lattice: &Lattice, permittivity: &[f64]) -> Self {
+        let [nx, ny, _] = lattice.node_counts();
+        let strides = [1, nx, nx * ny];
+        let edges = Edges::Lattice(lattice.clone());
+        let mut vacuum = vec![0.0; edges.len()];
+        let mut weights = vacuum.clone();
+        for (cell, permittivity) in permittivity.iter().step_by(6).enumerate() {
+            let at = [cell % (nx - 1), cell / (nx - 1) % (ny - 1), cell / ((nx - 1) * (ny - 1))];
+            let size: [f64; 3] = std::array::from_fn(|axis| {
+                lattice.axes()[axis][at[axis] + 1] - lattice.axes()[axis][at[axis]]
+            });
+            let first = lattice.node_index(at);
+            for axis in 0..3 {
+                let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+                let along = size[b] * size[c] / size[axis];
+                for (corner, divisor) in
+                    [(0, 3.0), (strides[b], 6.0), (strides[c], 6.0), (strides[b] + strides[c], 3.0)]
+                {
+                    let edge = 3 * (first + corner) + axis;
+                    vacuum[edge] += along / divisor;
+                    weights[edge] += permittivity * along / divisor;
+                }
+            }
+        }
+        let permittivity = weights.iter().zip(&vacuum).map(|(w, v)| mean_permittivity(*w, *v)).collect();
+        Self { edges, weights, permittivity }
     }
 
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
     /// their part outside.
     pub fn of_sensor(sensor: &Sensor) -> Self {
-        let mut network = Self::assemble(sensor.mesh());
-        for (ends, weight) in network.ends.iter().zip(&mut network.weights) {
-            if let Some(outside) = sensor.outside_part_of_edge(*ends)
+        let mut network = match sensor.lattice() {
+            Some(lattice) => Self::assemble_lattice(lattice, sensor.mesh().relative_permittivity()),
+            None => Self::assemble(sensor.mesh()),
+        };
+        for (edge, weight) in network.weights.iter_mut().enumerate() {
+            if let Some(outside) = network.edges.ends(edge).and_then(|ends| sensor.outside_part_of_edge(ends))
                 && *weight > 0.0
             {
                 *weight /= outside.max(SMALLEST_PART);
@@ -82,9 +116,9 @@ impl EdgeNetwork {
         network
     }
 
-    /// The two nodes of each edge, the smaller first.
-    pub fn ends(&self) -> &[[u32; 2]] {
-        &self.ends
+    /// The edges.
+    pub fn edges(&self) -> &Edges {
+        &self.edges
     }
 
     /// Weight of each edge in metres (times relative permittivity). Unstructured meshes have some negative ones.
@@ -96,6 +130,12 @@ impl EdgeNetwork {
     pub fn permittivity(&self) -> &[f64] {
         &self.permittivity
     }
+}
+
+/// The ratio of a weight to what it would be in vacuum; 1 where rounding leaves none.
+fn mean_permittivity(weight: f64, vacuum: f64) -> f64 {
+    let ratio = weight / vacuum;
+    if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
 }
 
 /// Gradients of the four barycentric coordinates of a tetrahedron, 1/m.

@@ -1,0 +1,139 @@
+//! The solver reaches what it reports: the tolerance on C holds over whole runs, for every preconditioner.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::Aabb;
+use capsense_core::glam::DVec3;
+use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::mesh::Lattice;
+use capsense_core::simulator::Simulator;
+use capsense_core::solver::{Preconditioner, SolverOptions};
+use capsense_core::stiffness::EdgeNetwork;
+use common::{DOMAIN, EXACT, bar, depth_of_boxes, stripes_sensor};
+
+fn materials() -> Vec<Material> {
+    let weak = Material::Dielectric(RelativePermittivity::new(4.0).unwrap());
+    vec![Material::Conductor(Connection::Grounded), Material::Conductor(Connection::Floating), weak]
+}
+
+/// A bar that sweeps past in small steps, a floating one that jumps, and a dielectric that comes and goes.
+fn boxes(frame: usize) -> [Aabb; 3] {
+    let step = frame as f64;
+    let jump = if frame % 17 < 8 { 0.05 } else { 0.2 };
+    let gone = if frame % 5 == 0 { 3.0 } else { 0.02 };
+    [bar(0.08, 0.002 * step - 0.1), bar(jump, -0.1), bar(gone, 0.1 - 0.001 * step)]
+}
+
+/// Largest error of an entry relative to √(C_ii C_jj).
+fn error(of: &Simulator, truth: &Simulator) -> f64 {
+    let (c, t) = (of.capacitance(), truth.capacitance());
+    let entries = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
+    entries
+        .map(|(i, j)| (c.get(i, j) - t.get(i, j)).abs() / (t.get(i, i) * t.get(j, j)).sqrt())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn the_tolerance_holds_in_every_frame() {
+    let sensor = stripes_sensor(12_000);
+    let simulator = |options| Simulator::new(sensor.clone(), materials(), options).unwrap();
+    let mut truth = simulator(SolverOptions { preconditioner: Preconditioner::Multigrid, ..EXACT });
+    let mut tested = Vec::new();
+    for preconditioner in [Preconditioner::Multigrid, Preconditioner::Jacobi, Preconditioner::None] {
+        for tolerance in [1e-2, 1e-3, 1e-4, 1e-6, 1e-8] {
+            let options = SolverOptions { tolerance, preconditioner, ..SolverOptions::default() };
+            tested.push((options, simulator(options), Vec::new()));
+        }
+    }
+    for frame in 0..100 {
+        let depth = depth_of_boxes([80, 80], &boxes(frame));
+        let _ = truth.step(&depth).unwrap();
+        for (_, simulator, errors) in &mut tested {
+            let report = simulator.step(&depth).unwrap();
+            errors.push((error(simulator, &truth), report.solve.relative_error));
+        }
+    }
+    for (options, _, errors) in &tested {
+        let above = errors.iter().filter(|(error, _)| *error > options.tolerance).count();
+        let worst = errors.iter().map(|(error, _)| *error).fold(0.0, f64::max);
+        assert!(
+            above <= 1 && worst <= 3.0 * options.tolerance,
+            "{options:?}: {above} above, worst {worst:e}"
+        );
+        assert!(errors.iter().all(|(_, reported)| *reported <= options.tolerance));
+    }
+}
+
+#[test]
+fn multigrid_needs_a_handful_of_iterations_whatever_the_mesh() {
+    for tets in [10_000, 40_000, 120_000] {
+        let sensor = stripes_sensor(tets);
+        let options = SolverOptions { tolerance: 1e-10, ..SolverOptions::default() };
+        let mut simulator = Simulator::new(sensor, materials(), options).unwrap();
+        let cold = simulator.step(&depth_of_boxes([80, 80], &boxes(0))).unwrap().solve;
+        assert!(cold.iterations <= 12, "{tets}: {cold:?}");
+    }
+}
+
+#[test]
+fn results_are_the_same_bits_on_every_run() {
+    let run = || {
+        let options = SolverOptions::default();
+        let mut simulator = Simulator::new(stripes_sensor(12_000), materials(), options).unwrap();
+        for frame in 0..5 {
+            let _ = simulator.step(&depth_of_boxes([80, 80], &boxes(frame))).unwrap();
+        }
+        simulator.capacitance().clone()
+    };
+    assert_eq!(run(), run());
+}
+
+/// The direct assembly of a graded, layered lattice equals the sum over its tetrahedra.
+#[test]
+fn a_lattice_is_a_network_of_seven_points() {
+    let axes = [vec![0.0, 0.1, 0.25, 0.3], vec![0.0, 0.2, 0.21], vec![-0.1, 0.0, 0.05, 0.25]];
+    let lattice = Lattice::new(axes).unwrap();
+    let mesh = lattice.to_tet_mesh().unwrap();
+    let below: Vec<bool> = (0..mesh.tets().len()).map(|e| mesh.centroid(e).z < 0.0).collect();
+    let mesh = mesh.with_permittivity(|e| if below[e] { 4.4 } else { 1.0 }).unwrap();
+    let direct = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+    let summed = EdgeNetwork::assemble(&mesh);
+    let numbered =
+        (0..direct.edges().len()).filter_map(|edge| direct.edges().ends(edge).map(|ends| (edge, ends)));
+    let mut found = 0;
+    for (edge, ends) in numbered {
+        let other = (0..summed.edges().len()).find(|&e| summed.edges().ends(e) == Some(ends)).unwrap();
+        let (a, b) = (direct.weights()[edge], summed.weights()[other]);
+        assert!((a / b - 1.0).abs() < 1e-12, "{ends:?}: {a} {b}");
+        let (a, b) = (direct.permittivity()[edge], summed.permittivity()[other]);
+        assert!((a / b - 1.0).abs() < 1e-12, "{ends:?}: {a} {b}");
+        found += 1;
+    }
+    assert_eq!(found, summed.edges().len(), "diagonals of Kuhn tetrahedra have no weight");
+}
+
+/// Edges near a box, on a lattice by index and from a list by search.
+#[test]
+fn edges_near_a_box_are_all_found() {
+    let lattice = Lattice::uniform(DOMAIN, [5, 7, 6]).unwrap();
+    let mesh = lattice.to_tet_mesh().unwrap();
+    let by_index = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+    let by_search = EdgeNetwork::assemble(&mesh);
+    for shift in 0..20 {
+        let centre = DVec3::new(0.013 * f64::from(shift) - 0.1, 0.07, 0.3 - 0.02 * f64::from(shift));
+        let region = Aabb { min: centre - 0.03, max: centre + 0.05 };
+        let near = |network: &EdgeNetwork| {
+            let mut found = std::collections::BTreeSet::new();
+            network.edges().for_edges_near(mesh.nodes(), &region, |_, ends| {
+                let [a, b] = ends.map(|node| mesh.nodes()[node as usize]);
+                if region.intersects(&Aabb { min: a.min(b), max: a.max(b) }) {
+                    found.insert(ends);
+                }
+            });
+            found
+        };
+        assert_eq!(near(&by_index), near(&by_search));
+    }
+}
