@@ -22,7 +22,7 @@ fn materials() -> Vec<Material> {
 fn boxes(frame: usize) -> [Aabb; 3] {
     let step = frame as f64;
     let jump = if frame % 17 < 8 { 0.05 } else { 0.2 };
-    let gone = if frame % 5 == 0 { 3.0 } else { 0.02 };
+    let gone = if frame.is_multiple_of(5) { 3.0 } else { 0.02 };
     [bar(0.08, 0.002 * step - 0.1), bar(jump, -0.1), bar(gone, 0.1 - 0.001 * step)]
 }
 

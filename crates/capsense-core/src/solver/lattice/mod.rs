@@ -65,7 +65,8 @@ impl LatticeMultigrid {
     ) {
         let [nx, ny, _] = self.levels[0].counts;
         let place = |node: usize| [node % nx, node / nx % ny, node / (nx * ny)];
-        let mut region: IndexBox = [usize::MAX..0, usize::MAX..0, usize::MAX..0];
+        let nowhere = || std::ops::Range { start: usize::MAX, end: 0 };
+        let mut region: IndexBox = std::array::from_fn(|_| nowhere());
         for node in changed {
             for (range, at) in region.iter_mut().zip(place(node as usize)) {
                 *range = range.start.min(at)..range.end.max(at + 1);
