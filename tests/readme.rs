@@ -121,7 +121,7 @@ fn every_command_of_the_documents_works() {
         }
     }
     assert!(run >= 5, "only {run} commands were found");
-    for file in ["capsense-out/report.json", "ball/capacitance.svg", "sensor.msh"] {
+    for file in ["capsense-out/report.json", "capsense-out/ball/capacitance.svg", "capsense-out/sensor.msh"] {
         assert!(folder.path().join(file).is_file(), "{file}");
     }
 }
