@@ -96,14 +96,7 @@ pub struct Simulator {
     occupancy: Occupancy,
     fields: Fields,
     base: CapacitanceMatrix,
-    capacitance: Capacitances,
-}
-
-/// What was measured in a frame, objects already terminated.
-#[derive(Clone, Debug, PartialEq)]
-struct Capacitances {
-    electrodes: CapacitanceMatrix,
-    to_ground: Vec<f64>,
+    capacitance: CapacitanceMatrix,
 }
 
 /// The potential of every row with one terminal at 1 V and all others at 0 V, one column for each terminal that needs
@@ -138,10 +131,9 @@ impl Simulator {
         let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
         fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
-        let to_ground = vec![0.0; electrodes.size()];
         let mut simulator = Self {
             base: electrodes.clone(),
-            capacitance: Capacitances { electrodes, to_ground },
+            capacitance: electrodes,
             sensor,
             materials,
             options,
@@ -150,7 +142,7 @@ impl Simulator {
             fields,
         };
         let _ = simulator.solve()?;
-        simulator.base = simulator.capacitance.electrodes.clone();
+        simulator.base = simulator.capacitance.clone();
         Ok(simulator)
     }
 
@@ -196,35 +188,37 @@ impl Simulator {
     /// starts from zero.
     pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
         let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
-        self.capacitance = self.terminate(&mut CapacitanceMatrix::zeros(self.fields.terminals.len() + 1));
+        let all = self.fields.maxwell();
+        let mut no_error = CapacitanceMatrix::zeros(all.size());
+        self.capacitance = self.terminate(all, &mut no_error).leading(self.capacitance.size());
         Ok(report)
     }
 
-    /// The capacitances over electrodes once every other object has found its potential.
-    fn terminate(&self, error: &mut CapacitanceMatrix) -> Capacitances {
-        let mut all = self.fields.maxwell();
-        let electrodes = self.sensor.electrode_names().len();
+    /// Lets every object that is not held find its own potential.
+    fn terminate(&self, mut all: CapacitanceMatrix, error: &mut CapacitanceMatrix) -> CapacitanceMatrix {
         let released = self.materials.iter().filter_map(own_potential);
         for (object, to_ground) in released.enumerate() {
-            all.release(electrodes + object, to_ground, error);
+            all.release(self.sensor.electrode_names().len() + object, to_ground, error);
         }
-        let ground = all.size() - 1;
-        Capacitances {
-            to_ground: (0..electrodes).map(|e| all.get(e, ground)).collect(),
-            electrodes: all.leading(electrodes),
-        }
+        all
     }
 
     /// The Maxwell capacitance matrix over the electrodes in the last frame solved.
     pub fn capacitance(&self) -> &CapacitanceMatrix {
-        &self.capacitance.electrodes
+        &self.capacitance
     }
 
     /// Entries of the Maxwell matrix between each electrode and ground with all that is grounded: farads, negative.
     /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
     /// them. A capacitance from an object to ground is not part of it.
-    pub fn capacitance_to_ground(&self) -> &[f64] {
-        &self.capacitance.to_ground
+    pub fn capacitance_to_ground(&self) -> Vec<f64> {
+        let mut all = self.fields.maxwell();
+        let ground = all.size() - 1;
+        for (column, charge) in self.fields.charges_on_ground().into_iter().enumerate() {
+            all.set(column, ground, charge);
+        }
+        let all = self.terminate(all, &mut CapacitanceMatrix::zeros(ground + 1));
+        (0..self.capacitance.size()).map(|electrode| all.get(electrode, ground)).collect()
     }
 
     /// The Maxwell capacitance matrix of the empty scene.
@@ -252,8 +246,8 @@ impl Simulator {
                 error.set(s, t, of_mesh.get(s, t));
             }
         }
-        let capacitance = self.terminate(&mut error).electrodes;
-        let mut bars = error.leading(capacitance.size());
+        let capacitance = self.terminate(self.fields.maxwell(), &mut error);
+        let mut bars = error.leading(self.capacitance.size());
         for s in 0..bars.size() {
             for t in s..bars.size() {
                 let scale = (capacitance.get(s, s) * capacitance.get(t, t)).sqrt();
@@ -379,28 +373,47 @@ impl Fields {
         Ok(worst)
     }
 
-    /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors; in the last row and column
-    /// the charges on everything grounded.
+    /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are
+    /// left for ground.
     fn maxwell(&self) -> CapacitanceMatrix {
         let columns = self.terminals.len();
         let mut all = CapacitanceMatrix::zeros(columns + 1);
-        for s in 0..columns {
-            for t in s..columns {
-                let energy = 0.5 * (self.product(s, t) + self.product(t, s));
-                all.set(s, t, VACUUM_PERMITTIVITY * energy);
+        for (a, potentials) in self.potentials.iter().enumerate() {
+            for (b, charges) in self.charges.iter().enumerate().skip(a) {
+                let energies = products(potentials, charges);
+                for (s, t) in (0..LANES).flat_map(|s| (0..LANES).map(move |t| (s, t))) {
+                    let (row, column) = (a * LANES + s, b * LANES + t);
+                    if row <= column && column < columns {
+                        let mirrored = if a == b { energies[t][s] } else { energies[s][t] };
+                        all.set(row, column, VACUUM_PERMITTIVITY * 0.5 * (energies[s][t] + mirrored));
+                    }
+                }
             }
-            let grounded = |holder: &Terminal| *holder != FREE && !self.terminals.contains(holder);
-            let charges = self.charges[s / LANES].iter().map(|charge| charge[s % LANES]);
-            let held = self.row_terminals.iter().zip(charges);
-            let charge: f64 = held.filter(|(holder, _)| grounded(holder)).map(|(_, charge)| charge).sum();
-            all.set(s, columns, VACUUM_PERMITTIVITY * charge);
         }
         all
     }
 
-    /// φ_sᵀ (K φ_t).
-    fn product(&self, s: usize, t: usize) -> f64 {
-        let (potentials, charges) = (&self.potentials[s / LANES], &self.charges[t / LANES]);
-        potentials.iter().zip(charges).map(|(x, kx)| x[s % LANES] * kx[t % LANES]).sum()
+    /// For each column the charge, in farads, on everything grounded.
+    fn charges_on_ground(&self) -> Vec<f64> {
+        let grounded = |holder: &Terminal| *holder != FREE && !self.terminals.contains(holder);
+        let on_ground = |column: usize| -> f64 {
+            let charges = self.charges[column / LANES].iter().map(|charge| charge[column % LANES]);
+            let held = self.row_terminals.iter().zip(charges);
+            held.filter(|(holder, _)| grounded(holder)).map(|(_, charge)| charge).sum()
+        };
+        (0..self.terminals.len()).map(|column| VACUUM_PERMITTIVITY * on_ground(column)).collect()
     }
+}
+
+/// aᵀb for all pairs of columns.
+fn products(a: &[Lane], b: &[Lane]) -> [Lane; LANES] {
+    let mut sums = [[0.0; LANES]; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for s in 0..LANES {
+            for t in 0..LANES {
+                sums[s][t] += a[s] * b[t];
+            }
+        }
+    }
+    sums
 }

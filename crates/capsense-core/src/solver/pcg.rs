@@ -1,21 +1,23 @@
 //! Preconditioned conjugate gradients for several terminals at once.
 //!
-//! The columns share every pass over the matrix and keep their own step lengths.
+//! The columns share every pass over the matrix and keep their own step lengths. Fields, residuals and all sums are in
+//! double precision; search directions are in single precision, which costs no accuracy because the same rounded
+//! direction enters field and residual.
 
 use super::energy_error::{EnergyError, ErrorRule};
 use super::preconditioner::{ApproximateInverse, Preconditioner};
 use super::{SolveError, SolveReport, SolverOptions};
 use crate::mesh::Lattice;
-use crate::stiffness::{LANES, Lane, StiffnessMatrix};
+use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 
 /// The iteration with its preconditioner and working storage, sized once.
 #[derive(Clone, Debug)]
 pub struct Pcg {
     inverse: ApproximateInverse,
     rule: ErrorRule,
+    /// -K x on free rows, zero on fixed ones.
     r: Vec<Lane>,
-    z: Vec<Lane>,
-    p: Vec<Lane>,
+    p: Vec<Lane32>,
     q: Vec<Lane>,
 }
 
@@ -27,8 +29,8 @@ impl Pcg {
             ApproximateInverse::Multigrid(_) => ErrorRule::Spectrum { condition: None, solves: 0 },
             ApproximateInverse::Diagonal { .. } => ErrorRule::Window,
         };
-        let zeros = vec![[0.0; LANES]; rows];
-        Self { inverse, rule, r: zeros.clone(), z: zeros.clone(), p: zeros.clone(), q: zeros }
+        let (zeros, zeros32) = (vec![[0.0; LANES]; rows], vec![[0.0; LANES]; rows]);
+        Self { inverse, rule, r: zeros.clone(), p: zeros32, q: zeros }
     }
 
     /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
@@ -60,8 +62,7 @@ impl Pcg {
     ) -> Result<SolveReport, SolveError> {
         let (energy, mut active) = self.start(matrix, fixed, x);
         let mut error = EnergyError::new(self.rule, energy);
-        let mut rz = self.inverse.apply(&self.r, &mut self.z);
-        self.p.copy_from_slice(&self.z);
+        let mut rz = self.first_direction();
         let mut iterations = 0;
         while active.contains(&true) {
             if iterations == options.max_iterations {
@@ -79,9 +80,7 @@ impl Pcg {
                 *active &= !error.is_below(lane, options.tolerance);
             }
             if active.contains(&true) {
-                let next = self.inverse.apply(&self.r, &mut self.z);
-                self.turn(next, rz);
-                rz = next;
+                rz = self.next_direction(rz);
             }
         }
         self.rule = error.rule();
@@ -93,14 +92,38 @@ impl Pcg {
     /// Residual, energies, and which columns have anything to do.
     fn start(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], x: &[Lane]) -> (Lane, [bool; LANES]) {
         let energy = matrix.apply(x, &mut self.r);
-        let mut active = [false; LANES];
+        let mut largest = [0.0_f64; LANES];
         for (r, &fixed) in self.r.iter_mut().zip(fixed) {
+            let free = if fixed { 0.0 } else { -1.0 };
             for lane in 0..LANES {
-                r[lane] = if fixed { 0.0 } else { -r[lane] };
-                active[lane] |= r[lane] != 0.0;
+                r[lane] *= free;
+                // Not `max`, which would overlook a NaN.
+                largest[lane] += r[lane].abs();
             }
         }
-        (energy, active)
+        (energy, largest.map(|largest| largest != 0.0))
+    }
+
+    /// p = z = M r; returns r·z.
+    fn first_direction(&mut self) -> Lane {
+        let (z, rz) = self.inverse.apply(&self.r);
+        self.p[..z.len()].copy_from_slice(z);
+        rz
+    }
+
+    /// p = z + β p with z = M r and β the ratio of the new r·z, which is returned, to the old.
+    fn next_direction(&mut self, rz: Lane) -> Lane {
+        let (z, next) = self.inverse.apply(&self.r);
+        let beta: Lane32 = std::array::from_fn(|lane| match rz[lane] {
+            0.0 => 0.0,
+            rz => (next[lane] / rz) as f32,
+        });
+        for (p, z) in self.p.iter_mut().zip(z) {
+            for lane in 0..LANES {
+                p[lane] = z[lane] + beta[lane] * p[lane];
+            }
+        }
+        next
     }
 
     /// q = K p and α = (r·z)/(p·q); zero for columns that are done.
@@ -129,25 +152,13 @@ impl Pcg {
         Ok(alpha)
     }
 
-    /// x += α p, r -= α q on the free rows.
+    /// x += α p, r -= α q on the free rows. On fixed rows p is zero.
     fn advance(&mut self, fixed: &[bool], x: &mut [Lane], alpha: Lane) {
-        for (row, (x, r)) in x.iter_mut().zip(&mut self.r).enumerate() {
-            if !fixed[row] {
-                for lane in 0..LANES {
-                    x[lane] += alpha[lane] * self.p[row][lane];
-                    r[lane] -= alpha[lane] * self.q[row][lane];
-                }
-            }
-        }
-    }
-
-    /// p = z + β p with β the ratio of the new r·z to the old.
-    fn turn(&mut self, next: Lane, rz: Lane) {
-        let beta: Lane =
-            std::array::from_fn(|lane| if rz[lane] == 0.0 { 0.0 } else { next[lane] / rz[lane] });
-        for (p, z) in self.p.iter_mut().zip(&self.z) {
+        for ((((x, r), p), q), &fixed) in x.iter_mut().zip(&mut self.r).zip(&self.p).zip(&self.q).zip(fixed) {
+            let free = if fixed { 0.0 } else { 1.0 };
             for lane in 0..LANES {
-                p[lane] = z[lane] + beta[lane] * p[lane];
+                x[lane] += alpha[lane] * f64::from(p[lane]);
+                r[lane] -= free * alpha[lane] * q[lane];
             }
         }
     }
@@ -155,14 +166,17 @@ impl Pcg {
 
 /// Largest ratio over the columns of the norm of K x on free rows to that on fixed rows.
 fn residual(fixed: &[bool], kx: &[Lane]) -> f64 {
-    let mut squares = [[0.0; LANES]; 2];
+    let (mut of_free, mut of_fixed) = ([0.0; LANES], [0.0; LANES]);
     for (&fixed, kx) in fixed.iter().zip(kx) {
+        let held = if fixed { 1.0 } else { 0.0 };
         for lane in 0..LANES {
-            squares[usize::from(fixed)][lane] += kx[lane] * kx[lane];
+            let square = kx[lane] * kx[lane];
+            of_free[lane] += (1.0 - held) * square;
+            of_fixed[lane] += held * square;
         }
     }
     (0..LANES)
-        .filter(|&lane| squares[1][lane] > 0.0)
-        .map(|lane| (squares[0][lane] / squares[1][lane]).sqrt())
+        .filter(|&lane| of_fixed[lane] > 0.0)
+        .map(|lane| (of_free[lane] / of_fixed[lane]).sqrt())
         .fold(0.0, f64::max)
 }

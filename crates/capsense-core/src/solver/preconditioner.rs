@@ -2,7 +2,7 @@
 
 use super::lattice::LatticeMultigrid;
 use crate::mesh::Lattice;
-use crate::stiffness::{LANES, Lane, StiffnessMatrix};
+use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 
 /// Which approximate inverse the conjugate gradients are preconditioned with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,24 +20,24 @@ pub enum Preconditioner {
 #[derive(Clone, Debug)]
 pub(super) enum ApproximateInverse {
     Multigrid(Box<LatticeMultigrid>),
-    /// What each row is multiplied with.
+    /// What each row is multiplied with, and the product.
     Diagonal {
         kind: Preconditioner,
         factors: Vec<f64>,
+        z: Vec<Lane32>,
     },
 }
 
 impl ApproximateInverse {
     pub(super) fn new(kind: Preconditioner, rows: usize, lattice: Option<&Lattice>) -> Self {
-        match (kind, lattice) {
+        let kind = match (kind, lattice) {
             (Preconditioner::Multigrid, Some(lattice)) => {
-                Self::Multigrid(Box::new(LatticeMultigrid::new(lattice)))
+                return Self::Multigrid(Box::new(LatticeMultigrid::new(lattice)));
             }
-            (Preconditioner::Multigrid | Preconditioner::Jacobi, _) => {
-                Self::Diagonal { kind: Preconditioner::Jacobi, factors: vec![0.0; rows] }
-            }
-            (Preconditioner::None, _) => Self::Diagonal { kind, factors: vec![0.0; rows] },
-        }
+            (Preconditioner::Multigrid | Preconditioner::Jacobi, _) => Preconditioner::Jacobi,
+            (Preconditioner::None, _) => Preconditioner::None,
+        };
+        Self::Diagonal { kind, factors: vec![0.0; rows], z: vec![[0.0; LANES]; rows] }
     }
 
     /// Takes over the matrix where it changed: the rows of `changed` and of nothing else.
@@ -49,7 +49,7 @@ impl ApproximateInverse {
     ) {
         match self {
             Self::Multigrid(multigrid) => multigrid.refresh(matrix, fixed, changed),
-            Self::Diagonal { kind, factors } => {
+            Self::Diagonal { kind, factors, .. } => {
                 for row in changed {
                     let row = row as usize;
                     factors[row] = match (fixed[row], *kind) {
@@ -62,19 +62,19 @@ impl ApproximateInverse {
         }
     }
 
-    /// z = M r, zero on fixed rows, and the columns' r·z.
-    pub(super) fn apply(&mut self, r: &[Lane], z: &mut [Lane]) -> Lane {
+    /// z = M r, zero on fixed rows, and the columns' r·z. There may be fewer rows in z than in r; the others are zero.
+    pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
         match self {
-            Self::Multigrid(multigrid) => multigrid.apply(r, z),
-            Self::Diagonal { factors, .. } => {
+            Self::Multigrid(multigrid) => multigrid.apply(r),
+            Self::Diagonal { factors, z, .. } => {
                 let mut products = [0.0; LANES];
                 for ((z, r), factor) in z.iter_mut().zip(r).zip(factors) {
                     for lane in 0..LANES {
-                        z[lane] = *factor * r[lane];
-                        products[lane] += r[lane] * z[lane];
+                        z[lane] = (*factor * r[lane]) as f32;
+                        products[lane] += r[lane] * f64::from(z[lane]);
                     }
                 }
-                products
+                (z, products)
             }
         }
     }

@@ -63,7 +63,7 @@ impl CsrValues {
     }
 
     /// y = K x, and the columns' xᵀy.
-    pub(super) fn apply(&self, x: &[Lane], y: &mut [Lane]) -> Lane {
+    pub(super) fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
         let (offsets, columns, values) = self.matrix.csr_data();
         let mut products = [0.0; LANES];
         for (row, y) in y[..self.matrix.nrows()].iter_mut().enumerate() {
@@ -72,11 +72,11 @@ impl CsrValues {
             for (&column, &value) in columns[entries.clone()].iter().zip(&values[entries]) {
                 let x = &x[column];
                 for lane in 0..LANES {
-                    sum[lane] += value * x[lane];
+                    sum[lane] += value * x[lane].into();
                 }
             }
             for lane in 0..LANES {
-                products[lane] += sum[lane] * x[row][lane];
+                products[lane] += sum[lane] * x[row][lane].into();
             }
             *y = sum;
         }

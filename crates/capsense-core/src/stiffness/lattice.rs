@@ -9,8 +9,6 @@ pub(super) struct LatticeValues {
     counts: [usize; 3],
     /// Zero at the last node of a row. One more row and plane of zeros stand before the first node.
     weight: [Vec<f64>; 3],
-    /// A row of zeros, the neighbours of the outermost rows.
-    outside: Vec<Lane>,
 }
 
 impl LatticeValues {
@@ -18,11 +16,8 @@ impl LatticeValues {
     pub(super) fn new(lattice: &Lattice, weights: &[f64]) -> Self {
         let counts = lattice.node_counts();
         let padding = counts[0] * counts[1];
-        let mut values = Self {
-            counts,
-            weight: std::array::from_fn(|_| vec![0.0; padding + weights.len() / 3]),
-            outside: vec![[0.0; LANES]; counts[0]],
-        };
+        let mut values =
+            Self { counts, weight: std::array::from_fn(|_| vec![0.0; padding + weights.len() / 3]) };
         for (edge, &weight) in weights.iter().enumerate() {
             values.set_weight(edge, weight);
         }
@@ -54,61 +49,63 @@ impl LatticeValues {
     }
 
     /// y = K x, and the columns' xᵀy.
-    pub(super) fn apply(&self, x: &[Lane], y: &mut [Lane]) -> Lane {
+    pub(super) fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
         let [nx, ny, nz] = self.counts;
         let (nodes, plane) = (nx * ny * nz, nx * ny);
         let mut products = [0.0; LANES];
         for row in (0..nodes).step_by(nx) {
-            let neighbour = |at: Option<usize>| match at {
-                Some(at) if at < nodes => &x[at..at + nx],
-                _ => &self.outside[..],
-            };
+            let here = &x[row..row + nx];
+            // Outermost rows have themselves for neighbours, with weight zero.
+            let beside = |at: Option<usize>| at.and_then(|at| x.get(at..at + nx)).unwrap_or(here);
             let weights =
                 |axis: usize, before: usize| &self.weight[axis][self.padding() + row - before..][..nx];
             let stencil = RowStencil {
                 across: [
-                    (weights(1, nx), neighbour(row.checked_sub(nx))),
-                    (weights(1, 0), neighbour(Some(row + nx))),
-                    (weights(2, plane), neighbour(row.checked_sub(plane))),
-                    (weights(2, 0), neighbour(Some(row + plane))),
+                    (weights(1, nx), beside(row.checked_sub(nx))),
+                    (weights(1, 0), beside(Some(row + nx))),
+                    (weights(2, plane), beside(row.checked_sub(plane))),
+                    (weights(2, 0), beside(Some(row + plane))),
                 ],
                 along: weights(0, 0),
             };
-            stencil.apply(&x[row..row + nx], &mut y[row..row + nx], &mut products);
+            stencil.apply(here, &mut y[row..row + nx], &mut products);
         }
         products
     }
 }
 
 /// One row of nodes along x with the weights and values around it.
-struct RowStencil<'a> {
-    across: [(&'a [f64], &'a [Lane]); 4],
+struct RowStencil<'a, T> {
+    across: [(&'a [f64], &'a [[T; LANES]]); 4],
     along: &'a [f64],
 }
 
-impl RowStencil<'_> {
+impl<T: Copy + Into<f64>> RowStencil<'_, T> {
     #[inline]
-    fn apply(&self, x: &[Lane], y: &mut [Lane], products: &mut Lane) {
+    fn apply(&self, x: &[[T; LANES]], y: &mut [Lane], products: &mut Lane) {
         let nx = x.len();
         let [(wa, a), (wb, b), (wc, c), (wd, d)] = self.across;
         let (wa, wb, wc, wd) = (&wa[..nx], &wb[..nx], &wc[..nx], &wd[..nx]);
         let (a, b, c, d) = (&a[..nx], &b[..nx], &c[..nx], &d[..nx]);
         let (along, y) = (&self.along[..nx], &mut y[..nx]);
+        let double = |lanes: &[T; LANES]| lanes.map(Into::<f64>::into);
         // The current through the edge from the node before.
         let mut current = [0.0; LANES];
+        let mut here = double(&x[0]);
         for i in 0..nx {
-            let here = x[i];
-            let next = if i + 1 < nx { x[i + 1] } else { here };
+            let next = if i + 1 < nx { double(&x[i + 1]) } else { here };
+            let (a, b, c, d) = (double(&a[i]), double(&b[i]), double(&c[i]), double(&d[i]));
             for lane in 0..LANES {
                 let v = here[lane];
                 let onward = along[i] * (v - next[lane]);
-                let sum = (wa[i] * (v - a[i][lane]) + wb[i] * (v - b[i][lane]))
-                    + (wc[i] * (v - c[i][lane]) + wd[i] * (v - d[i][lane]))
+                let sum = (wa[i] * (v - a[lane]) + wb[i] * (v - b[lane]))
+                    + (wc[i] * (v - c[lane]) + wd[i] * (v - d[lane]))
                     + (onward - current[lane]);
                 current[lane] = onward;
                 y[i][lane] = sum;
                 products[lane] += v * sum;
             }
+            here = next;
         }
     }
 }

@@ -21,6 +21,9 @@ use nalgebra_sparse::CsrMatrix;
 /// A right-hand side, field or residual at one row, for up to [`LANES`] terminals at once.
 pub type Lane = [f64; LANES];
 
+/// The same in single precision.
+pub type Lane32 = [f32; LANES];
+
 /// Number of columns that advance together.
 pub const LANES: usize = 4;
 
@@ -181,7 +184,7 @@ impl StiffnessMatrix {
     }
 
     /// y = K x, all columns at once, and the columns' energies xᵀKx.
-    pub fn apply(&self, x: &[Lane], y: &mut [Lane]) -> Lane {
+    pub fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
         let mut energy = match &self.values {
             Values::Lattice(values) => values.apply(x, y),
             Values::Csr(values) => values.apply(x, y),
@@ -192,7 +195,7 @@ impl StiffnessMatrix {
             // The node's own share stands on the diagonal of compressed rows; a lattice has no diagonal.
             let own = if matches!(self.values, Values::Lattice(_)) { 1.0 } else { 0.0 };
             for lane in 0..LANES {
-                let (at_node, at_object) = (x[node][lane], x[object][lane]);
+                let (at_node, at_object) = (x[node][lane].into(), x[object][lane].into());
                 let to_node = link.weight * (own * at_node - at_object);
                 let to_object = link.weight * (at_object - at_node);
                 y[node][lane] += to_node;

@@ -9,7 +9,7 @@ mod level;
 mod transfer;
 
 use crate::mesh::Lattice;
-use crate::stiffness::{LANES, Lane, StiffnessMatrix};
+use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 use level::Level;
 use transfer::{IndexBox, Transfer};
 
@@ -99,33 +99,27 @@ impl LatticeMultigrid {
         };
         // An edge's weight stands at its first node, one before the nodes that changed.
         each(level, 1, &mut |level, at| {
-            for (axis, weight) in level.weight.iter_mut().enumerate() {
-                weight[at] = matrix.lattice_weight(at - first, axis) as f32;
-            }
+            level.stencil[at].next = [0, 1, 2].map(|axis| matrix.lattice_weight(at - first, axis) as f32);
             level.leak[at] = matrix.link_weight(at - first) as f32;
         });
-        each(level, 0, &mut |level, at| {
-            let free = if fixed[at - first] { 0.0 } else { 1.0 };
-            level.inverse[at] = free / matrix.diagonal(at - first) as f32;
-        });
+        each(level, 0, &mut |level, at| level.set_inverse(at, fixed[at - first]));
     }
 
-    /// z = M r on node rows, zero on object rows, and the columns' r·z: one symmetric V-cycle.
-    pub(super) fn apply(&mut self, r: &[Lane], z: &mut [Lane]) -> Lane {
+    /// z = M r on node rows by one symmetric V-cycle, and the columns' r·z.
+    pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
         let nodes = self.levels[0].nodes();
         for (b, r) in self.levels[0].b[nodes.clone()].iter_mut().zip(r) {
             *b = r.map(|r| r as f32);
         }
         self.cycle();
+        let z = &self.levels[0].x[nodes];
         let mut products = [0.0; LANES];
-        z[nodes.len()..].fill([0.0; LANES]);
-        for ((z, x), r) in z.iter_mut().zip(&self.levels[0].x[nodes]).zip(r) {
+        for (z, r) in z.iter().zip(r) {
             for lane in 0..LANES {
-                z[lane] = f64::from(x[lane]);
-                products[lane] += r[lane] * z[lane];
+                products[lane] += r[lane] * f64::from(z[lane]);
             }
         }
-        products
+        (z, products)
     }
 
     fn cycle(&mut self) {
@@ -158,4 +152,129 @@ fn kept_planes(planes: &[f64], length: f64) -> Vec<bool> {
         start += if merge { 2 } else { 1 };
     }
     kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Aabb;
+    use crate::material::{Connection, Material};
+    use crate::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView};
+    use crate::sensor::{FREE, GROUND};
+    use crate::stiffness::EdgeNetwork;
+    use glam::{DVec2, DVec3};
+
+    const DOMAIN: Aabb = Aabb { min: DVec3::ZERO, max: DVec3::ONE };
+
+    /// A graded lattice with grounded walls, a thin grounded plate in it that moves, and its multigrid.
+    struct Scene {
+        nodes: Vec<DVec3>,
+        terminals: Vec<u16>,
+        matrix: StiffnessMatrix,
+        occupancy: Occupancy,
+        multigrid: LatticeMultigrid,
+    }
+
+    impl Scene {
+        fn new() -> Self {
+            let axis = |low: usize| -> Vec<f64> {
+                (0..14).map(|i| ((i * (i + low)) as f64) / (13 * (13 + low)) as f64).collect()
+            };
+            let lattice = Lattice::new([axis(3), axis(5), axis(2)]).unwrap();
+            let mesh = lattice.to_tet_mesh().unwrap();
+            let network = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+            let on_wall = |p: &DVec3| p.min_element() == 0.0 || p.max_element() == 1.0;
+            let terminals = mesh.nodes().iter().map(|p| if on_wall(p) { GROUND } else { FREE }).collect();
+            let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
+            let matrix = StiffnessMatrix::new(network, mesh.nodes().len(), 1);
+            let multigrid = LatticeMultigrid::new(&lattice);
+            let mut scene = Self { nodes: mesh.nodes().to_vec(), terminals, matrix, occupancy, multigrid };
+            scene.refresh();
+            scene
+        }
+
+        /// The plate between the heights 0.3 and 0.36 covers part of the view.
+        fn step(&mut self, corner: f64) {
+            let mut depth = DepthLayers::empty(OrthographicView { domain: DOMAIN, width: 32, height: 32 }, 1);
+            let view = *depth.view();
+            let (front, back) = depth.layer_mut(0);
+            for pixel in 0..32 * 32 {
+                let from_corner = view.pixel_centre(pixel % 32, pixel / 32) - DVec2::new(corner, 0.3);
+                if from_corner.min_element() > 0.0 && from_corner.max_element() < 0.4 {
+                    (front[pixel], back[pixel]) = (0.3, 0.36);
+                }
+            }
+            let network = self.matrix.network();
+            let mesh = EdgeGeometry {
+                nodes: &self.nodes,
+                terminals: &self.terminals,
+                edges: network.edges(),
+                permittivity: network.permittivity(),
+            };
+            self.occupancy.update(mesh, &[Material::Conductor(Connection::Grounded)], &depth);
+            self.matrix.update(&self.occupancy);
+            self.refresh();
+        }
+
+        fn refresh(&mut self) {
+            let conductors = self.occupancy.conductors();
+            let held = self.terminals.iter().zip(conductors);
+            let fixed: Vec<bool> = held
+                .map(|(&terminal, &object)| terminal != FREE || object != crate::occupancy::NO_OBJECT)
+                .collect();
+            let changed = self.matrix.changed_rows().iter().chain(self.occupancy.changed_nodes()).copied();
+            self.multigrid.refresh(&self.matrix, &fixed, changed);
+        }
+
+        /// Residuals without a pattern.
+        fn vector(&self, seed: u64) -> Vec<Lane> {
+            let mut state = seed;
+            let mut next = || {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+            };
+            self.terminals.iter().map(|_| std::array::from_fn(|_| next())).collect()
+        }
+    }
+
+    #[test]
+    fn refreshing_what_changed_gives_the_bits_of_a_fresh_hierarchy() {
+        let mut moving = Scene::new();
+        for corner in [0.1, 0.15, 0.5, 0.02, 0.33] {
+            moving.step(corner);
+        }
+        let mut fresh = Scene::new();
+        fresh.step(0.33);
+        for (a, b) in moving.multigrid.levels.iter().zip(&fresh.multigrid.levels) {
+            assert_eq!(a.leak, b.leak);
+            for (a, b) in a.stencil.iter().zip(&b.stencil) {
+                assert_eq!((a.next, a.inverse), (b.next, b.inverse));
+            }
+        }
+    }
+
+    #[test]
+    fn the_cycle_is_symmetric_and_positive() {
+        let mut scene = Scene::new();
+        scene.step(0.2);
+        let (a, b) = (scene.vector(1), scene.vector(2));
+        let (of_a, a_a) = scene.multigrid.apply(&a);
+        let of_a = of_a.to_vec();
+        let (of_b, b_b) = scene.multigrid.apply(&b);
+        for lane in 0..LANES {
+            let product = |x: &[Lane], z: &[Lane32]| -> f64 {
+                x.iter().zip(z).map(|(x, z)| x[lane] * f64::from(z[lane])).sum()
+            };
+            let (b_of_a, a_of_b) = (product(&b, &of_a), product(&a, of_b));
+            assert!(a_a[lane] > 0.0 && b_b[lane] > 0.0);
+            assert!((b_of_a - a_of_b).abs() < 1e-5 * (a_a[lane] * b_b[lane]).sqrt(), "{b_of_a} {a_of_b}");
+        }
+    }
+
+    #[test]
+    fn planes_merge_where_they_are_close() {
+        let kept = kept_planes(&[0.0, 0.1, 0.2, 0.3, 0.6, 1.0], 0.21);
+        assert_eq!(kept, [true, false, true, true, true, true]);
+        assert_eq!(kept_planes(&[0.0, 1.0], 9.0), [true, true]);
+    }
 }

@@ -5,8 +5,8 @@
 //! divided among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and
 //! its edges become leaks, so that no conductor is lost on a coarse level, however thin.
 
-use super::level::{Lanes, Level};
-use crate::stiffness::LANES;
+use super::level::Level;
+use crate::stiffness::{LANES, Lane32};
 
 /// How a level is made coarser.
 #[derive(Clone, Debug)]
@@ -55,10 +55,8 @@ impl Transfer {
         for_each(&region, |at| self.refresh_share(fine, at));
         for_each(&region, |at| self.refresh_weights(fine, coarse, at));
         for_each(&region, |at| {
-            let fixed = fine.inverse[fine.index(self.fine_node(at))] == 0.0;
-            let at = coarse.index(at);
-            let diagonal = coarse.diagonal(at);
-            coarse.inverse[at] = if fixed || diagonal == 0.0 { 0.0 } else { 1.0 / diagonal };
+            let fixed = fine.is_fixed(fine.index(self.fine_node(at)));
+            coarse.set_inverse(coarse.index(at), fixed);
         });
         region
     }
@@ -81,10 +79,10 @@ impl Transfer {
             return;
         }
         let node = fine.index(at);
-        let weight = &fine.weight[self.axis];
-        let (before, after) = (weight[node - fine.strides()[self.axis]], weight[node]);
+        let previous = node - fine.strides()[self.axis];
+        let (before, after) = (fine.weight(self.axis, previous), fine.weight(self.axis, node));
         let sum = before + after + fine.leak[node];
-        let fixed = fine.inverse[node] == 0.0 || sum == 0.0;
+        let fixed = fine.is_fixed(node) || sum == 0.0;
         let scale = if fixed { 0.0 } else { 1.0 / sum };
         self.share[0][node] = before * scale;
         self.share[1][node] = after * scale;
@@ -99,16 +97,17 @@ impl Transfer {
         let (at, own, strides) = (coarse.index(at), fine.index(own), fine.strides());
         let (previous, next) = (own - strides[axis], own + strides[axis]);
         let mut leak = fine.leak[own];
-        coarse.weight[axis][at] = fine.weight[axis][own] * if has_next { self.share[1][next] } else { 1.0 };
+        coarse.stencil[at].next[axis] =
+            fine.weight(axis, own) * if has_next { self.share[1][next] } else { 1.0 };
         if has_next {
-            leak += fine.weight[axis][own] * self.lost[next];
+            leak += fine.weight(axis, own) * self.lost[next];
         }
         if has_previous {
-            leak += fine.weight[axis][previous] * self.lost[previous];
+            leak += fine.weight(axis, previous) * self.lost[previous];
         }
         for across in (0..3).filter(|&across| across != axis) {
-            let (stride, weight) = (strides[across], &fine.weight[across]);
-            let mut sum = weight[own];
+            let stride = strides[across];
+            let mut sum = fine.weight(across, own);
             for (exists, share, node) in
                 [(has_next, &self.share[0], next), (has_previous, &self.share[1], previous)]
             {
@@ -116,12 +115,12 @@ impl Transfer {
                     // What two eliminated neighbours do not both take from here couples to neither.
                     let with_after = share[node].min(share[node + stride]);
                     let with_before = share[node].min(share[node - stride]);
-                    sum += weight[node] * with_after;
-                    leak += weight[node] * (share[node] - with_after);
-                    leak += weight[node - stride] * (share[node] - with_before);
+                    sum += fine.weight(across, node) * with_after;
+                    leak += fine.weight(across, node) * (share[node] - with_after);
+                    leak += fine.weight(across, node - stride) * (share[node] - with_before);
                 }
             }
-            coarse.weight[across][at] = sum;
+            coarse.stencil[at].next[across] = sum;
         }
         coarse.leak[at] = leak;
     }
@@ -216,13 +215,13 @@ impl Transfer {
 }
 
 #[inline(always)]
-fn add_share(to: &mut Lanes, share: f32, value: &Lanes) {
+fn add_share(to: &mut Lane32, share: f32, value: &Lane32) {
     for lane in 0..LANES {
         to[lane] += share * value[lane];
     }
 }
 
-fn add_shares(to: &mut [Lanes], shares: &[f32], values: &[Lanes]) {
+fn add_shares(to: &mut [Lane32], shares: &[f32], values: &[Lane32]) {
     for ((to, share), value) in to.iter_mut().zip(shares).zip(values) {
         add_share(to, *share, value);
     }
