@@ -178,7 +178,7 @@ mod tests {
     impl Scene {
         fn new() -> Self {
             let axis = |low: usize| -> Vec<f64> {
-                (0..14).map(|i| ((i * (i + low)) as f64) / (13 * (13 + low)) as f64).collect()
+                (0..24).map(|i| ((i * (i + low)) as f64) / (23 * (23 + low)) as f64).collect()
             };
             let lattice = Lattice::new([axis(3), axis(5), axis(2)]).unwrap();
             let mesh = lattice.to_tet_mesh().unwrap();
@@ -200,7 +200,7 @@ mod tests {
             let (front, back) = depth.layer_mut(0);
             for pixel in 0..32 * 32 {
                 let from_corner = view.pixel_centre(pixel % 32, pixel / 32) - DVec2::new(corner, 0.3);
-                if from_corner.min_element() > 0.0 && from_corner.max_element() < 0.4 {
+                if from_corner.min_element() > 0.0 && from_corner.max_element() < 0.1 {
                     (front[pixel], back[pixel]) = (0.3, 0.36);
                 }
             }
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn refreshing_what_changed_gives_the_bits_of_a_fresh_hierarchy() {
         let mut moving = Scene::new();
-        for corner in [0.1, 0.15, 0.5, 0.02, 0.33] {
+        for corner in [0.1, 0.12, 0.4, 0.44, 0.5, 0.52, 0.33] {
             moving.step(corner);
         }
         let mut fresh = Scene::new();
