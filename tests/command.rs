@@ -184,6 +184,19 @@ fn solve_prints_a_readable_matrix() {
 }
 
 #[test]
+fn nothing_is_written_to_standard_error_without_a_session_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_capsense"))
+        .current_dir(folder.path())
+        .args(["solve", "scene.toml"])
+        .env_remove("XDG_RUNTIME_DIR")
+        .output()
+        .unwrap();
+    assert_eq!(String::from_utf8_lossy(&output.stderr), "");
+}
+
+#[test]
 fn bad_arguments_end_with_code_2() {
     let folder = tempfile::tempdir().unwrap();
     write_scene(folder.path());
