@@ -10,7 +10,7 @@ fn main() -> ExitCode {
     match command::Arguments::parse().run() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", command::message(&error));
             ExitCode::from(command::exit_code(&error))
         }
     }

@@ -60,6 +60,13 @@ const CASES: &[Case] = &[
     ),
     case("max = [0.25, 0.25, 0.45]", "max = [0.25, inf, 0.45]", "max = ", "domain.max[1]", "must be finite"),
     case("max = [0.25, 0.25, 0.45]", "max = [0.25, 0.45]", "max = ", "domain.max", "invalid length 2"),
+    case(
+        "max = [0.25, 0.25, 0.45]",
+        "max = [0.25, 0.25, 0.45, 1]",
+        "max = ",
+        "domain.max",
+        "invalid length 4",
+    ),
     // Mesh.
     case("elements = 8000", "elements = 0", "elements", "mesh.generate.elements", "must be from 6"),
     case("elements = 8000", "elements = 100", "elements", "mesh.generate.elements", "at most 100 tetrahedra"),
@@ -155,6 +162,7 @@ const CASES: &[Case] = &[
         "from 1 to 4096, but is 100000",
     ),
     case("pixels = [32, 32]", "pixels = [32, 100_000]", "pixels", "camera.pixels[1]", "but is 100000"),
+    case("pixels = [32, 32]", "pixels = [32, 32, 32]", "pixels", "camera.pixels", "invalid length 3"),
     case("pixels = [32, 32]", "pixels = [-1, 32]", "pixels", "camera.pixels[0]", "but is -1"),
     case("layers = 2", "layers = 3", "layers", "camera.layers", "from 1 to 2"),
     case("layers = 2", "layers = 1", "back_fill", "simulation.back_fill", "camera.layers = 1"),
@@ -254,7 +262,36 @@ const CASES: &[Case] = &[
         "object[1]",
         "`position` or a `trajectory`",
     ),
+    case(
+        "position = [0.0, 0.0, 0.1]",
+        "position = [0.0, 0.0, 0.1, 0.2]",
+        "position",
+        "object[0].position",
+        "invalid length 4, expected an array of length 3",
+    ),
+    case("box = { size = [0.15,", "box = { size = [1e300,", "box", "object[0].box", "lengths are in metres"),
+    case(
+        "box = { size = [0.15, 0.15, 0.04] }",
+        "sphere = { radius = 1e-9 }",
+        "sphere",
+        "object[0].sphere",
+        "is 2e-9 m large",
+    ),
+    case(
+        "{ conductor = \"grounded\" }",
+        "{ relative_permittivity = 1e12 }",
+        "material",
+        "object[0].material.relative_permittivity",
+        "must be from 1e-9 to 1e9, but is 1e12",
+    ),
     // Trajectories.
+    case(
+        "waypoints = [[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]",
+        "waypoints = [[0, 0, 0, 0]]",
+        "waypoints",
+        "object[0].trajectory.waypoints",
+        "invalid length 4",
+    ),
     case(
         "waypoints = [[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]",
         "waypoints = []",
@@ -298,6 +335,7 @@ const CASES: &[Case] = &[
     case("tolerance = 1e-4", "tolerance = 0", "tolerance", "solver.tolerance", "between 0 and 1"),
     case("tolerance = 1e-4", "tolerance = 1", "tolerance", "solver.tolerance", "between 0 and 1"),
     case("tolerance = 1e-4", "tolerance = nan", "tolerance", "solver.tolerance", "must be finite"),
+    case("tolerance = 1e-4", "tolerance = 1e-15", "tolerance", "solver.tolerance", "must be at least 1e-14"),
     case("threads = 0", "threads = -1", "threads", "solver.threads", "must be from 0"),
     // Not computed yet.
     case("elements = 8000", "tolerance = 0.01", "tolerance", "not supported yet", "mesh.generate.tolerance"),

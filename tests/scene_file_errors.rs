@@ -35,6 +35,8 @@ fn trajectory_tables_are_checked_row_by_row() {
         ("t,x,y,z\n", 1, "", "empty trajectory"),
         ("t,x,y,z\n0,0,0,0.1\n1,0,zero,0.1\n", 3, "y: ", "`zero` is not a number"),
         ("t,x,y,z\n0,0,0,nan\n", 2, "z: ", "must be finite"),
+        ("t,x,y,z\r\n\r\n0,0,0,0.1\r\n\r\n\r\n1,0,0,nan", 6, "z: ", "must be finite"),
+        ("t,x\u{1b}[2J,y,z\n", 1, "", "not \"t,x\\u{1b}[2J,y,z\""),
         ("t,x,y,z\n0,0,0\n", 2, "", "has 3 columns, the header has 4"),
         ("t,x,y,z\n0,0,0,0.1\n0,0,0,0.1\n", 3, "t: ", "not later"),
         ("t,x,y,z,qx,qy,qz,qw\n0,0,0,0.1,0,0,0,0\n", 2, "qx,qy,qz,qw: ", "unit length"),

@@ -59,6 +59,17 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     if bad_input { 2 } else { 1 }
 }
 
+/// An error and its causes, without those that the message before them quotes.
+pub(crate) fn message(error: &anyhow::Error) -> String {
+    let mut parts: Vec<String> = Vec::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if parts.last().is_none_or(|before| !before.ends_with(&cause)) {
+            parts.push(cause);
+        }
+    }
+    parts.join(": ")
+}
+
 /// Reads a scene, or takes the built-in one, and prints its warnings.
 fn load_scene(path: Option<&Path>) -> Result<Scene, SceneError> {
     let scene = path.map_or_else(Scene::built_in, Scene::load)?;
@@ -66,4 +77,23 @@ fn load_scene(path: Option<&Path>) -> Result<Scene, SceneError> {
         eprintln!("warning: {warning}");
     }
     Ok(scene)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::message;
+    use anyhow::anyhow;
+
+    #[test]
+    fn causes_are_told_once() {
+        #[derive(Debug, thiserror::Error)]
+        #[error("cannot draw: {0}")]
+        struct Quoting(#[from] std::fmt::Error);
+
+        let cause = std::fmt::Error.to_string();
+        let quoting = anyhow::Error::new(Quoting(std::fmt::Error)).context("frame 3 failed");
+        assert_eq!(message(&quoting), format!("frame 3 failed: cannot draw: {cause}"));
+        let apart = anyhow!("no space left").context("cannot write a.csv");
+        assert_eq!(message(&apart), "cannot write a.csv: no space left");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::check::Checker;
 use super::object::permittivity;
-use super::raw::{RawBack, RawDomain, RawElectrode, RawSensor, RawSubstrate};
+use super::raw::{RawBack, RawDomain, RawElectrode, RawSensor, RawSubstrate, Tuple};
 use super::source::{SceneError, Source};
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
@@ -17,7 +17,7 @@ pub(super) const DEFAULT_DOMAIN: Aabb =
 const RESERVED: [&str; 2] = ["ground", "substrate"];
 
 pub(super) fn domain(check: Checker<'_>, raw: &RawDomain) -> Result<Aabb, SceneError> {
-    let (min, max) = (check.finite3("domain.min", raw.min)?, check.finite3("domain.max", raw.max)?);
+    let (min, max) = (check.finite3("domain.min", *raw.min)?, check.finite3("domain.max", *raw.max)?);
     match (0..3).find(|&axis| min[axis] >= max[axis]) {
         Some(axis) => check.error(
             &format!("domain.max[{axis}]"),
@@ -67,17 +67,18 @@ pub(super) fn electrode(
     let z = check.finite(&format!("{key}.z"), raw.z.unwrap_or(0.0))?;
     let outline = if let Some(rectangle) = &raw.rectangle {
         Outline::Rectangle {
-            center: check.finite2(&format!("{key}.rectangle.center"), rectangle.center)?,
-            size: check.positive2(&format!("{key}.rectangle.size"), rectangle.size)?,
+            center: check.finite2(&format!("{key}.rectangle.center"), *rectangle.center)?,
+            size: check.positive2(&format!("{key}.rectangle.size"), *rectangle.size)?,
         }
     } else if let Some(disk) = &raw.disk {
         Outline::Disk {
-            center: check.finite2(&format!("{key}.disk.center"), disk.center)?,
+            center: check.finite2(&format!("{key}.disk.center"), *disk.center)?,
             radius: check.positive(&format!("{key}.disk.radius"), disk.radius)?,
         }
     } else if let Some(polygon) = &raw.polygon {
-        let corner =
-            |(index, corner): (usize, &[f64; 2])| check.finite2(&format!("{key}.polygon[{index}]"), *corner);
+        let corner = |(index, corner): (usize, &Tuple<f64, 2>)| {
+            check.finite2(&format!("{key}.polygon[{index}]"), **corner)
+        };
         Outline::Polygon(polygon.iter().enumerate().map(corner).collect::<Result<_, _>>()?)
     } else {
         return Ok(None);
@@ -90,7 +91,7 @@ pub(super) fn substrate(check: Checker<'_>, raw: &RawSubstrate) -> Result<Substr
     Ok(Substrate {
         thickness: check.positive(&key("thickness"), raw.thickness)?,
         relative_permittivity: permittivity(check, &key("relative_permittivity"), raw.relative_permittivity)?,
-        size: check.positive2(&key("size"), raw.size)?,
+        size: check.positive2(&key("size"), *raw.size)?,
         grounded_back: raw.back == RawBack::Grounded,
     })
 }

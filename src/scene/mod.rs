@@ -43,6 +43,9 @@ const MOST_FRAMES: usize = 8_640_000;
 /// More tetrahedra than this do not fit into the memory of the machines this is made for.
 const MOST_ELEMENTS: usize = 20_000_000;
 
+/// Relative errors below this drown in the rounding of the sums that make up a capacitance.
+const FINEST_TOLERANCE: f64 = 1e-14;
+
 /// A scene whose every value has been checked.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -160,7 +163,8 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         None => {
             let frames = frames_until_end(objects.iter().map(|object| &object.motion), frame_rate);
             if frames > MOST_FRAMES as f64 {
-                let message = format!("{frames} frames until the trajectories end; at most {MOST_FRAMES}");
+                let message =
+                    format!("{frames:.3e} frames until the trajectories end; at most {MOST_FRAMES}");
                 return check.error("simulation.frame_rate", message);
             }
             frames as usize
@@ -172,6 +176,11 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     }
     let defaults = SolverOptions::default();
     let tolerance = check.fraction("solver.tolerance", raw.solver.tolerance.unwrap_or(defaults.tolerance))?;
+    if tolerance < FINEST_TOLERANCE {
+        let message =
+            format!("must be at least {FINEST_TOLERANCE:e}, which is rounding, but is {tolerance:e}");
+        return check.error("solver.tolerance", message);
+    }
     let preconditioner = match raw.solver.preconditioner {
         Some(RawPreconditioner::Multigrid) => Preconditioner::Multigrid,
         Some(RawPreconditioner::Jacobi) => Preconditioner::Jacobi,
@@ -245,7 +254,7 @@ fn shaped_electrode(check: Checker<'_>, index: usize, raw: &RawElectrode) -> Res
 }
 
 fn camera(check: Checker<'_>, raw: &RawScene, domain: Aabb) -> Result<(OrthographicView, bool), SceneError> {
-    let [width, height] = raw.camera.pixels.unwrap_or([64, 64]);
+    let [width, height] = raw.camera.pixels.map_or([64, 64], |pixels| *pixels);
     let width = check.count("camera.pixels[0]", width, 1, MOST_PIXELS)?;
     let height = check.count("camera.pixels[1]", height, 1, MOST_PIXELS)?;
     let layers = check.count("camera.layers", raw.camera.layers.unwrap_or(2), 1, 2)?;

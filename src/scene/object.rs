@@ -34,8 +34,11 @@ impl SceneObject {
     }
 }
 
-/// Surfaces that are not this large, in parts of the domain, were read in the wrong unit.
-const PLAUSIBLE_SURFACE: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
+/// Objects that are not this large, in parts of the domain, were given in the wrong unit.
+const PLAUSIBLE_SIZE: std::ops::RangeInclusive<f64> = 1e-3..=100.0;
+
+/// Beyond these, which no material comes near, rounding spoils the solution.
+const PLAUSIBLE_PERMITTIVITY: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
 
 pub(super) fn objects(
     check: Checker<'_>,
@@ -55,11 +58,11 @@ fn object(check: Checker<'_>, key: &str, raw: &RawObject, domain: &Aabb) -> Resu
     let shape = shape(check, key, raw, domain)?;
     let material = material(check, &format!("{key}.material"), &raw.material)?;
     let position = match raw.position {
-        Some(position) => Some(check.finite3(&format!("{key}.position"), position)?),
+        Some(position) => Some(check.finite3(&format!("{key}.position"), *position)?),
         None => None,
     };
     let rotation = match raw.rotation {
-        Some(rotation) => check.rotation(&format!("{key}.rotation"), rotation)?,
+        Some(rotation) => check.rotation(&format!("{key}.rotation"), *rotation)?,
         None => DQuat::IDENTITY,
     };
     let motion = match (&raw.trajectory, position) {
@@ -87,22 +90,37 @@ fn shape(check: Checker<'_>, key: &str, raw: &RawObject, domain: &Aabb) -> Resul
     if raw.unit.is_some() && raw.file.is_none() {
         return check.error(&format!("{key}.unit"), "goes with `file`; all other lengths are in metres");
     }
+    if let Some(file) = &raw.file {
+        return surface(check, key, file, raw.unit.as_deref(), domain);
+    }
+    let Some(shape) = solid(check, key, raw)? else {
+        return check.error(key, "has no shape: give `box`, `sphere`, `capsule`, `cylinder` or `file`");
+    };
+    let size = 2.0 * shape.bounding_radius();
+    if !PLAUSIBLE_SIZE.contains(&(size / domain.size().max_element())) {
+        let message = format!("is {size:e} m large, the domain {:?} m", domain.size().to_array());
+        return check.error(&format!("{key}.{}", given[0]), format!("{message}; lengths are in metres"));
+    }
+    Ok(shape)
+}
+
+/// The shape that is given by its lengths, if one is.
+fn solid(check: Checker<'_>, key: &str, raw: &RawObject) -> Result<Option<Shape>, SceneError> {
     let positive = |name: &str, value: f64| check.positive(&format!("{key}.{name}"), value);
-    if let Some(cuboid) = &raw.cuboid {
-        Ok(Shape::Box { size: check.positive3(&format!("{key}.box.size"), cuboid.size)? })
+    let shape = if let Some(cuboid) = &raw.cuboid {
+        Shape::Box { size: check.positive3(&format!("{key}.box.size"), *cuboid.size)? }
     } else if let Some(sphere) = &raw.sphere {
-        Ok(Shape::Sphere { radius: positive("sphere.radius", sphere.radius)? })
+        Shape::Sphere { radius: positive("sphere.radius", sphere.radius)? }
     } else if let Some(rod) = &raw.capsule {
         let radius = positive("capsule.radius", rod.radius)?;
-        Ok(Shape::Capsule { radius, length: positive("capsule.length", rod.length)? })
+        Shape::Capsule { radius, length: positive("capsule.length", rod.length)? }
     } else if let Some(rod) = &raw.cylinder {
         let radius = positive("cylinder.radius", rod.radius)?;
-        Ok(Shape::Cylinder { radius, length: positive("cylinder.length", rod.length)? })
-    } else if let Some(file) = &raw.file {
-        surface(check, key, file, raw.unit.as_deref(), domain)
+        Shape::Cylinder { radius, length: positive("cylinder.length", rod.length)? }
     } else {
-        check.error(key, "has no shape: give `box`, `sphere`, `capsule`, `cylinder` or `file`")
-    }
+        return Ok(None);
+    };
+    Ok(Some(shape))
 }
 
 fn surface(
@@ -118,7 +136,7 @@ fn surface(
         .or_else(|error| check.error(&format!("{key}.file"), error.to_string()))?;
     let size = Aabb::around(mesh.vertices().iter().copied()).size().max_element();
     let part = size / domain.size().max_element();
-    if !PLAUSIBLE_SURFACE.contains(&part) {
+    if !PLAUSIBLE_SIZE.contains(&part) {
         let message =
             format!("`{file}` is {size} m long in `{unit}`, the domain {:?} m", domain.size().to_array());
         return check.error(&unit_key, format!("{message}: wrong unit?"));
@@ -151,5 +169,11 @@ pub(super) fn permittivity(
     value: f64,
 ) -> Result<RelativePermittivity, SceneError> {
     let value = check.positive(key, value)?;
-    RelativePermittivity::new(value).map_or_else(|| check.error(key, "is no permittivity"), Ok)
+    match RelativePermittivity::new(value) {
+        Some(permittivity) if PLAUSIBLE_PERMITTIVITY.contains(&value) => Ok(permittivity),
+        _ => {
+            let (least, most) = (PLAUSIBLE_PERMITTIVITY.start(), PLAUSIBLE_PERMITTIVITY.end());
+            check.error(key, format!("must be from {least:e} to {most:e}, but is {value:e}"))
+        }
+    }
 }

@@ -1,7 +1,31 @@
 //! The scene file as it is written: names and types only, nothing checked. Unknown keys are errors.
 
 use serde::Deserialize;
+use serde::de::{Deserializer, Error};
 use std::collections::BTreeMap;
+use std::ops::Deref;
+
+/// Exactly `N` numbers. Serde's own arrays are filled from the front of longer lists without a word.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tuple<T, const N: usize>([T; N]);
+
+impl<T, const N: usize> Deref for Tuple<T, N> {
+    type Target = [T; N];
+
+    fn deref(&self) -> &[T; N] {
+        &self.0
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Tuple<T, N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let list = Vec::<T>::deserialize(deserializer)?;
+        let expected = format!("an array of length {N}");
+        list.try_into()
+            .map(Self)
+            .map_err(|list: Vec<T>| Error::invalid_length(list.len(), &expected.as_str()))
+    }
+}
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -24,8 +48,8 @@ pub(super) struct RawScene {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawDomain {
-    pub(super) min: [f64; 3],
-    pub(super) max: [f64; 3],
+    pub(super) min: Tuple<f64, 3>,
+    pub(super) max: Tuple<f64, 3>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -73,7 +97,7 @@ pub(super) struct RawSensor {
 pub(super) struct RawSubstrate {
     pub(super) thickness: f64,
     pub(super) relative_permittivity: f64,
-    pub(super) size: [f64; 2],
+    pub(super) size: Tuple<f64, 2>,
     #[serde(default)]
     pub(super) back: RawBack,
 }
@@ -92,7 +116,7 @@ pub(super) struct RawElectrode {
     pub(super) name: String,
     pub(super) rectangle: Option<RawRectangle>,
     pub(super) disk: Option<RawDisk>,
-    pub(super) polygon: Option<Vec<[f64; 2]>>,
+    pub(super) polygon: Option<Vec<Tuple<f64, 2>>>,
     pub(super) stl: Option<String>,
     pub(super) unit: Option<String>,
     pub(super) z: Option<f64>,
@@ -101,21 +125,21 @@ pub(super) struct RawElectrode {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawRectangle {
-    pub(super) center: [f64; 2],
-    pub(super) size: [f64; 2],
+    pub(super) center: Tuple<f64, 2>,
+    pub(super) size: Tuple<f64, 2>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawDisk {
-    pub(super) center: [f64; 2],
+    pub(super) center: Tuple<f64, 2>,
     pub(super) radius: f64,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawCamera {
-    pub(super) pixels: Option<[i64; 2]>,
+    pub(super) pixels: Option<Tuple<i64, 2>>,
     pub(super) layers: Option<i64>,
 }
 
@@ -131,15 +155,15 @@ pub(super) struct RawObject {
     pub(super) file: Option<String>,
     pub(super) unit: Option<String>,
     pub(super) material: RawMaterial,
-    pub(super) position: Option<[f64; 3]>,
-    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) position: Option<Tuple<f64, 3>>,
+    pub(super) rotation: Option<Tuple<f64, 4>>,
     pub(super) trajectory: Option<RawTrajectory>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawBox {
-    pub(super) size: [f64; 3],
+    pub(super) size: Tuple<f64, 3>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -174,7 +198,7 @@ pub(super) enum RawConnection {
 #[serde(deny_unknown_fields)]
 pub(super) struct RawTrajectory {
     pub(super) file: Option<String>,
-    pub(super) waypoints: Option<Vec<[f64; 3]>>,
+    pub(super) waypoints: Option<Vec<Tuple<f64, 3>>>,
     pub(super) speed: Option<f64>,
 }
 

@@ -1,7 +1,7 @@
 //! Trajectories: waypoints with a speed, or a table of poses over time.
 
 use super::check::{Checker, unit_quaternion};
-use super::raw::RawTrajectory;
+use super::raw::{RawTrajectory, Tuple};
 use super::source::SceneError;
 use crate::motion::Motion;
 use capsense_core::geometry::Pose;
@@ -34,7 +34,7 @@ pub(super) fn motion(
 fn along_waypoints(
     check: Checker<'_>,
     key: &str,
-    waypoints: &[[f64; 3]],
+    waypoints: &[Tuple<f64, 3>],
     speed: Option<f64>,
     rotation: DQuat,
 ) -> Result<Motion, SceneError> {
@@ -49,7 +49,7 @@ fn along_waypoints(
     let points = waypoints
         .iter()
         .enumerate()
-        .map(|(index, point)| check.finite3(&format!("{waypoints_key}[{index}]"), *point))
+        .map(|(index, point)| check.finite3(&format!("{waypoints_key}[{index}]"), **point))
         .collect::<Result<Vec<_>, _>>()?;
     Motion::along(&points, speed, rotation).or_else(|error| check.error(&waypoints_key, error.to_string()))
 }
@@ -67,42 +67,51 @@ fn read_table(file: &str, bytes: &[u8], rotation: DQuat) -> Result<Motion, Scene
     let names: Vec<&str> = header.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
     let with_rotation = names == [POSITION, ROTATION].concat();
     if !with_rotation && names != POSITION {
-        let message = format!("the header must be t,x,y,z or t,x,y,z,qx,qy,qz,qw, not {}", names.join(","));
+        let message = format!("the header must be t,x,y,z or t,x,y,z,qx,qy,qz,qw, not {:?}", names.join(","));
         return Err(complaint(1, None, message));
     }
     let mut samples: Vec<(f64, Pose)> = Vec::new();
     let mut record = csv::StringRecord::new();
     loop {
-        let line_before = reader.position().line() as usize;
+        let start = reader.position().byte();
+        let complaint = |column: Option<&str>, message: String| {
+            complaint(line_of_next_row(bytes, start), column, message)
+        };
         match reader.read_record(&mut record) {
             Ok(true) => {}
             Ok(false) => break,
-            Err(error) => return Err(complaint(line_before, None, csv_message(&error))),
+            Err(error) => return Err(complaint(None, csv_message(&error))),
         }
-        let line = record.position().map_or(line_before, |position| position.line() as usize);
         if record.len() != names.len() {
             let message = format!("has {} columns, the header has {}", record.len(), names.len());
-            return Err(complaint(line, None, message));
+            return Err(complaint(None, message));
         }
         let mut numbers = [0.0; 8];
         for ((number, text), name) in numbers.iter_mut().zip(&record).zip(&names) {
-            *number = finite_number(text).map_err(|message| complaint(line, Some(name), message))?;
+            *number = finite_number(text).map_err(|message| complaint(Some(name), message))?;
         }
         let [time, x, y, z, quaternion @ ..] = numbers;
         if let Some((before, _)) = samples.last()
             && time <= *before
         {
             let message = format!("{time} s is not later than {before} s in the row before");
-            return Err(complaint(line, Some("t"), message));
+            return Err(complaint(Some("t"), message));
         }
         let rotation = if with_rotation {
-            unit_quaternion(quaternion).map_err(|message| complaint(line, Some("qx,qy,qz,qw"), message))?
+            unit_quaternion(quaternion).map_err(|message| complaint(Some("qx,qy,qz,qw"), message))?
         } else {
             rotation
         };
         samples.push((time, Pose { translation: DVec3::new(x, y, z), rotation }));
     }
     Motion::sampled(samples).map_err(|error| complaint(1, None, format!("empty trajectory: {error}")))
+}
+
+/// The line of the row that begins at a byte or, as empty lines are skipped, after the line ends there.
+fn line_of_next_row(bytes: &[u8], start: u64) -> usize {
+    let (before, rest) = bytes.split_at((start as usize).min(bytes.len()));
+    let empty = rest.iter().take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    1 + before.iter().chain(empty).filter(|byte| **byte == b'\n').count()
 }
 
 fn finite_number(text: &str) -> Result<f64, String> {

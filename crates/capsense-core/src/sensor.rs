@@ -21,6 +21,10 @@ const IN_PLANE: f64 = 1e-9;
 /// Growth of the lattice spacing per cell away from electrodes.
 const LATTICE_GROWTH: f64 = 1.3;
 
+/// Bisections of the lattice spacing: to 1e-6 of it. The count jumps there, and closer to the jump rounding would give
+/// mirrored intervals different numbers of cells.
+const SPACING_STEPS: usize = 24;
+
 /// Why a sensor cannot be built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SensorError {
@@ -191,7 +195,7 @@ impl SensorDesign {
         }
         // The count falls with the spacing (but for rounding): bisect on the logarithm of the spacing.
         let (mut fits, mut exceeds, mut best) = (extent, 1e-5 * extent, coarsest);
-        for _ in 0..60 {
+        for _ in 0..SPACING_STEPS {
             let middle = (fits * exceeds).sqrt();
             let lattice = build(middle)?;
             if lattice.tet_count() <= max_tets {

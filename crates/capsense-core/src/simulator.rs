@@ -107,6 +107,10 @@ struct Fields {
     /// Terminal of each row, [`FREE`] where the potential is unknown.
     row_terminals: Vec<Terminal>,
     fixed: Vec<bool>,
+    /// For each object: how many nodes it holds, whether a link leads to it, and whether it had either when last seen.
+    nodes_held: Vec<u32>,
+    linked: Vec<bool>,
+    present: Vec<bool>,
     /// Columns in groups of [`LANES`].
     potentials: Vec<Vec<Lane>>,
     charges: Vec<Vec<Lane>>,
@@ -177,6 +181,7 @@ impl Simulator {
         self.occupancy.update(mesh, &self.materials, surfaces);
         self.matrix.update(&self.occupancy);
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
+        self.fields.forget_absent_objects(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.refresh(&self.matrix, self.occupancy.changed_nodes());
         Ok(self.occupancy.changed_edges().len())
     }
@@ -308,6 +313,9 @@ impl Fields {
             potentials: vec![vec![[0.0; LANES]; rows]; terminals.len().div_ceil(LANES)],
             charges: vec![vec![[0.0; LANES]; rows]; terminals.len().div_ceil(LANES)],
             fixed: row_terminals.iter().map(|&terminal| terminal != FREE).collect(),
+            nodes_held: vec![0; materials.len()],
+            linked: vec![false; materials.len()],
+            present: vec![false; materials.len()],
             terminals,
             row_terminals,
             pcg: Pcg::new(rows, preconditioner, sensor.lattice()),
@@ -335,18 +343,43 @@ impl Fields {
 
     /// Nodes taken by a conductor get its potential; released nodes start from it.
     fn move_conductors(&mut self, occupancy: &Occupancy, electrodes: usize) {
+        let first_object = electrodes as Terminal + 1;
         for &node in occupancy.changed_nodes() {
             let node = node as usize;
+            if self.row_terminals[node] != FREE {
+                self.nodes_held[usize::from(self.row_terminals[node] - first_object)] -= 1;
+            }
             match occupancy.conductors()[node] {
                 NO_OBJECT => {
                     self.row_terminals[node] = FREE;
                     self.fixed[node] = false;
                 }
                 object => {
-                    self.row_terminals[node] = electrodes as Terminal + 1 + object;
+                    self.nodes_held[usize::from(object)] += 1;
+                    self.row_terminals[node] = first_object + object;
                     self.hold(node, 0.0);
                 }
             }
+        }
+    }
+
+    /// An object without nodes and links has no field. Left to the iteration, its column would fade without end, as its
+    /// error is measured against its own energy.
+    fn forget_absent_objects(&mut self, occupancy: &Occupancy, electrodes: usize) {
+        self.linked.fill(false);
+        for link in occupancy.links() {
+            self.linked[usize::from(link.object)] = true;
+        }
+        for (column, &terminal) in self.terminals.iter().enumerate().skip(electrodes) {
+            let object = usize::from(terminal) - electrodes - 1;
+            let present = self.linked[object] || self.nodes_held[object] > 0;
+            if self.present[object] && !present {
+                let lane = column % LANES;
+                for (row, &holder) in self.potentials[column / LANES].iter_mut().zip(&self.row_terminals) {
+                    row[lane] = f64::from(u8::from(holder == terminal));
+                }
+            }
+            self.present[object] = present;
         }
     }
 

@@ -75,6 +75,19 @@ fn meshes_and_electrodes_that_do_not_fit_are_refused() {
     assert_eq!(missing, Err(SensorError::NodeOutOfRange { name: "A".into(), node: 999, nodes: 64 }));
 }
 
+/// The number of cells jumps where the search for the best spacing ends, so near to it rounding must not decide.
+#[test]
+fn a_symmetric_design_has_a_symmetric_lattice() {
+    for tets in (10_000..=150_000).step_by(5_000) {
+        let lattice = three_stripes().lattice(tets).unwrap();
+        for axis in &lattice.axes()[..2] {
+            let mirrored = axis.iter().rev().map(|x| -x);
+            let apart = axis.iter().zip(mirrored).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(apart < 1e-9, "{tets}: {axis:?}");
+        }
+    }
+}
+
 #[test]
 fn a_part_of_the_mesh_without_terminal_is_found() {
     let one = mesh_of_two_parts();

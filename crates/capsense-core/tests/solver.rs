@@ -66,6 +66,28 @@ fn the_tolerance_holds_in_every_frame() {
     }
 }
 
+/// A floating object that has left takes its field along: what it leaves behind is no start for an iteration, whose
+/// error is measured against an energy that is then zero.
+#[test]
+fn an_object_that_has_left_costs_nothing() {
+    let floating = vec![Material::Conductor(Connection::Floating)];
+    for preconditioner in [Preconditioner::Multigrid, Preconditioner::Jacobi] {
+        let options = SolverOptions { tolerance: 1e-6, preconditioner, ..SolverOptions::default() };
+        let mut simulator = Simulator::new(stripes_sensor(12_000), floating.clone(), options).unwrap();
+        for _ in 0..2 {
+            let seen = simulator.step(&depth_of_boxes([80, 80], &[bar(0.05, 0.0)])).unwrap();
+            let change = simulator.capacitance().get(0, 0) / simulator.base().get(0, 0) - 1.0;
+            assert!(seen.solve.iterations > 0 && change > 1e-2, "{change}");
+            for frame in 0..20 {
+                let gone = simulator.step(&depth_of_boxes([80, 80], &[bar(3.0, 0.0)])).unwrap();
+                assert!(gone.solve.iterations <= seen.solve.iterations, "frame {frame}: {gone:?}");
+                let change = simulator.capacitance().get(0, 0) / simulator.base().get(0, 0) - 1.0;
+                assert!(change.abs() < 2e-6, "frame {frame}: {change}");
+            }
+        }
+    }
+}
+
 #[test]
 fn multigrid_needs_a_handful_of_iterations_whatever_the_mesh() {
     for tets in [10_000, 40_000, 120_000] {
