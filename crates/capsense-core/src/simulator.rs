@@ -267,7 +267,7 @@ impl Simulator {
         &self.sensor
     }
 
-    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    /// The preconditioner in use.
     pub fn preconditioner(&self) -> Preconditioner {
         self.fields.pcg.preconditioner()
     }

@@ -1,5 +1,6 @@
 //! Solves K φ = 0 on the free rows for many terminals at once.
 
+mod aggregation;
 mod energy_error;
 mod lattice;
 mod pcg;

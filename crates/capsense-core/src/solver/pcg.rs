@@ -26,18 +26,18 @@ impl Pcg {
     pub fn new(rows: usize, preconditioner: Preconditioner, lattice: Option<&Lattice>) -> Self {
         let inverse = ApproximateInverse::new(preconditioner, rows, lattice);
         let rule = match inverse {
-            ApproximateInverse::Multigrid(_) => ErrorRule::Spectrum { condition: None, solves: 0 },
             ApproximateInverse::Diagonal { .. } => ErrorRule::Window,
+            _ => ErrorRule::Spectrum { condition: None, solves: 0 },
         };
         let (zeros, zeros32) = (vec![[0.0; LANES]; rows], vec![[0.0; LANES]; rows]);
         Self { inverse, rule, r: zeros.clone(), p: zeros32, q: zeros }
     }
 
-    /// The preconditioner in use: the one asked for, or the next best that the mesh allows.
+    /// The preconditioner in use.
     pub fn preconditioner(&self) -> Preconditioner {
         match self.inverse {
-            ApproximateInverse::Multigrid(_) => Preconditioner::Multigrid,
             ApproximateInverse::Diagonal { kind, .. } => kind,
+            _ => Preconditioner::Multigrid,
         }
     }
 

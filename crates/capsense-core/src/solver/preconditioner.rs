@@ -1,5 +1,6 @@
 //! Approximations of K⁻¹ on the free rows.
 
+use super::aggregation::AggregationMultigrid;
 use super::lattice::LatticeMultigrid;
 use crate::mesh::Lattice;
 use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
@@ -7,7 +8,7 @@ use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 /// Which approximate inverse the conjugate gradients are preconditioned with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preconditioner {
-    /// Geometric multigrid where the mesh is a lattice, the inverse of the diagonal elsewhere.
+    /// Multigrid: geometric where the mesh is a lattice, by aggregation elsewhere.
     #[default]
     Multigrid,
     /// The inverse of the diagonal.
@@ -19,7 +20,8 @@ pub enum Preconditioner {
 /// An approximate inverse with its numbers.
 #[derive(Clone, Debug)]
 pub(super) enum ApproximateInverse {
-    Multigrid(Box<LatticeMultigrid>),
+    Lattice(Box<LatticeMultigrid>),
+    Aggregation(Box<AggregationMultigrid>),
     /// What each row is multiplied with, and the product.
     Diagonal {
         kind: Preconditioner,
@@ -30,14 +32,13 @@ pub(super) enum ApproximateInverse {
 
 impl ApproximateInverse {
     pub(super) fn new(kind: Preconditioner, rows: usize, lattice: Option<&Lattice>) -> Self {
-        let kind = match (kind, lattice) {
+        match (kind, lattice) {
             (Preconditioner::Multigrid, Some(lattice)) => {
-                return Self::Multigrid(Box::new(LatticeMultigrid::new(lattice)));
+                Self::Lattice(Box::new(LatticeMultigrid::new(lattice)))
             }
-            (Preconditioner::Multigrid | Preconditioner::Jacobi, _) => Preconditioner::Jacobi,
-            (Preconditioner::None, _) => Preconditioner::None,
-        };
-        Self::Diagonal { kind, factors: vec![0.0; rows], z: vec![[0.0; LANES]; rows] }
+            (Preconditioner::Multigrid, None) => Self::Aggregation(Box::default()),
+            (kind, _) => Self::Diagonal { kind, factors: vec![0.0; rows], z: vec![[0.0; LANES]; rows] },
+        }
     }
 
     /// Takes over the matrix where it changed: the rows of `changed` and of nothing else.
@@ -48,7 +49,8 @@ impl ApproximateInverse {
         changed: impl Iterator<Item = u32>,
     ) {
         match self {
-            Self::Multigrid(multigrid) => multigrid.refresh(matrix, fixed, changed),
+            Self::Lattice(multigrid) => multigrid.refresh(matrix, fixed, changed),
+            Self::Aggregation(multigrid) => multigrid.refresh(matrix, fixed, changed),
             Self::Diagonal { kind, factors, .. } => {
                 for row in changed {
                     let row = row as usize;
@@ -65,7 +67,8 @@ impl ApproximateInverse {
     /// z = M r, zero on fixed rows, and the columns' r·z. There may be fewer rows in z than in r; the others are zero.
     pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
         match self {
-            Self::Multigrid(multigrid) => multigrid.apply(r),
+            Self::Lattice(multigrid) => multigrid.apply(r),
+            Self::Aggregation(multigrid) => multigrid.apply(r),
             Self::Diagonal { factors, z, .. } => {
                 let mut products = [0.0; LANES];
                 for ((z, r), factor) in z.iter_mut().zip(r).zip(factors) {

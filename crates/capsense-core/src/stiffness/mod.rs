@@ -173,6 +173,20 @@ impl StiffnessMatrix {
         }
     }
 
+    /// The neighbours of a node and the weights to them, in the order of compressed rows; none on a lattice.
+    pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
+        let matrix = match &self.values {
+            Values::Csr(values) => Some(values.matrix()),
+            Values::Lattice(_) => None,
+        };
+        matrix.into_iter().flat_map(move |matrix| {
+            let (offsets, columns, values) = matrix.csr_data();
+            let entries = offsets[node]..offsets[node + 1];
+            let row = columns[entries.clone()].iter().zip(&values[entries]);
+            row.filter(move |(column, _)| **column != node).map(|(&column, &value)| (column, -value))
+        })
+    }
+
     /// Sum of the weights of a node's links to objects.
     pub fn link_weight(&self, node: usize) -> f64 {
         self.link_sums[node]

@@ -6,7 +6,7 @@ use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign};
 use capsense_core::solver::SolverOptions;
 
 /// The domain of the built-in scene.
@@ -57,4 +57,15 @@ pub fn depth_of_boxes(pixels: [usize; 2], boxes: &[Aabb]) -> DepthLayers {
 pub fn bar(height: f64, shift: f64) -> Aabb {
     let low = DVec3::new(-0.075, shift - 0.075, height);
     Aabb { min: low, max: low + DVec3::new(0.15, 0.15, 0.02) }
+}
+
+/// The same sensor on the same mesh, which no longer is known to be a lattice.
+pub fn without_lattice(sensor: &Sensor) -> Sensor {
+    let nodes_of = |terminal: u16| -> Vec<u32> {
+        let of_terminal = sensor.terminals().iter().zip(0..).filter(|(held, _)| **held == terminal);
+        of_terminal.map(|(_, node)| node).collect()
+    };
+    let names = sensor.electrode_names().iter().cloned();
+    let electrodes = names.zip(1..).map(|(name, t)| (name, ElectrodeNodes::Nodes(nodes_of(t)))).collect();
+    Sensor::on_mesh(sensor.mesh().clone(), &nodes_of(GROUND), electrodes).unwrap()
 }
