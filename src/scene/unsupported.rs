@@ -10,7 +10,7 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
     let stl_key = format!("sensor.electrode[{}].stl", stl.unwrap_or_default());
     let simulation = &raw.simulation;
     let preconditioner = raw.solver.preconditioner;
-    let asked: [(bool, &str, &str); 9] = [
+    let asked: [(bool, &str, &str); 8] = [
         (generate.is_some_and(|g| g.tolerance.is_some()), "mesh.generate.tolerance", ""),
         (
             generate.is_some_and(|g| g.kind == Some(MeshKind::Bisection)),
@@ -24,11 +24,6 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
             simulation.interface == Some(RawInterface::VolumeFraction),
             "simulation.interface",
             " = \"volume-fraction\"",
-        ),
-        (
-            preconditioner == Some(RawPreconditioner::Multigrid) && raw.mesh.file.is_some(),
-            "solver.preconditioner",
-            " = \"multigrid\" with mesh.file (leave the key out for the best there is)",
         ),
         (preconditioner == Some(RawPreconditioner::Ic0), "solver.preconditioner", " = \"ic0\""),
         (preconditioner == Some(RawPreconditioner::Direct), "solver.preconditioner", " = \"direct\""),

@@ -5,7 +5,7 @@ use crate::estimate::discretisation_error;
 use crate::material::{Connection, Material};
 use crate::occupancy::{EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{Pcg, Preconditioner, SolveError, SolveReport, SolverOptions};
+use crate::solver::{CONTRAST, Pcg, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -183,6 +183,9 @@ impl Simulator {
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.forget_absent_objects(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.refresh(&self.matrix, self.occupancy.changed_nodes());
+        if self.materials.iter().any(may_float) && !self.occupancy.changed_edges().is_empty() {
+            self.fields.pcg.find_islands(&self.matrix, &self.occupancy, &self.fields.fixed);
+        }
         Ok(self.occupancy.changed_edges().len())
     }
 
@@ -281,6 +284,11 @@ impl Simulator {
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }
+}
+
+/// Whether a dielectric is so polarisable that it nearly is a floating conductor.
+fn may_float(material: &Material) -> bool {
+    matches!(material, Material::Dielectric(permittivity) if permittivity.value() >= CONTRAST)
 }
 
 fn check(sensor: &Sensor, materials: &[Material], options: &SolverOptions) -> Result<(), SimulatorError> {

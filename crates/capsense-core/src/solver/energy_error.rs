@@ -11,10 +11,13 @@ use crate::stiffness::{LANES, Lane};
 const REMEMBERED: usize = 12;
 
 /// What a short iteration shows of κ - 1 may fall short by this factor.
-const CAUTION: f64 = 2.0;
+const CAUTION: f64 = 3.0;
 
 /// Every so many solves the iteration is made long enough to show whether the condition number has changed.
-const LEARN_EVERY: u32 = 32;
+const LEARN_EVERY: u32 = 16;
+
+/// What remains of κ - 1 from earlier solves after one to learn from.
+const FADING: f64 = 0.8;
 
 /// Steps that a solve takes at least when it is to show the condition number.
 const LEARNING_STEPS: usize = 3;
@@ -36,6 +39,8 @@ pub(super) struct EnergyError {
     energy: Lane,
     steps: [Step; REMEMBERED],
     count: usize,
+    /// The condition number that this solve has shown so far, with caution.
+    shown: f64,
 }
 
 /// The step lengths α and energy drops of one iteration.
@@ -47,7 +52,7 @@ struct Step {
 
 impl EnergyError {
     pub(super) fn new(rule: ErrorRule, energy: Lane) -> Self {
-        Self { rule, energy, steps: [Step::default(); REMEMBERED], count: 0 }
+        Self { rule, energy, steps: [Step::default(); REMEMBERED], count: 0, shown: 1.0 }
     }
 
     /// Takes the step lengths and the r·z of one more iteration.
@@ -58,23 +63,24 @@ impl EnergyError {
         }
         self.steps[self.count % REMEMBERED] = Step { alpha, drop };
         self.count += 1;
-        if let ErrorRule::Spectrum { condition, .. } = self.rule
+        if let ErrorRule::Spectrum { condition, .. } = &mut self.rule
             && (2..=REMEMBERED).contains(&self.count)
         {
             let steps = &self.steps[..self.count];
             let seen = (0..LANES).filter_map(|lane| condition_number(steps, lane)).fold(1.0, f64::max);
-            let cautious = 1.0 + CAUTION * (seen - 1.0);
-            if let ErrorRule::Spectrum { condition: known, .. } = &mut self.rule {
-                *known = Some(condition.unwrap_or(1.0).max(cautious));
-            }
+            self.shown = 1.0 + CAUTION * (seen - 1.0);
+            *condition = Some(condition.unwrap_or(1.0).max(self.shown));
         }
     }
 
     /// Whether one column's estimated relative error is below a tolerance.
     pub(super) fn is_below(&self, lane: usize, tolerance: f64) -> bool {
-        let learning = matches!(self.rule, ErrorRule::Spectrum { solves, .. } if solves % LEARN_EVERY == 0);
-        let enough = !learning || self.count >= LEARNING_STEPS;
+        let enough = !self.is_learning() || self.count >= LEARNING_STEPS;
         enough && self.relative(lane).is_some_and(|relative| relative <= tolerance)
+    }
+
+    fn is_learning(&self) -> bool {
+        matches!(self.rule, ErrorRule::Spectrum { solves, .. } if solves.is_multiple_of(LEARN_EVERY))
     }
 
     /// Estimated relative error of one column's energy; `None` while there is too little to tell from.
@@ -100,11 +106,14 @@ impl EnergyError {
         (0..LANES).map(|lane| self.relative(lane).unwrap_or(1.0)).fold(0.0, f64::max)
     }
 
-    /// What was learnt, for the next solve.
+    /// What was learnt, for the next solve. Solves that were made long enough to learn from let what earlier ones had
+    /// shown fade, so that one bad scene does not burden all that follow.
     pub(super) fn rule(&self) -> ErrorRule {
         match self.rule {
             ErrorRule::Window => ErrorRule::Window,
             ErrorRule::Spectrum { condition, solves } => {
+                let faded = |known: f64| (1.0 + FADING * (known - 1.0)).max(self.shown);
+                let condition = if self.is_learning() { condition.map(faded) } else { condition };
                 ErrorRule::Spectrum { condition, solves: solves.wrapping_add(1) }
             }
         }

@@ -2,10 +2,12 @@
 
 mod aggregation;
 mod energy_error;
+mod islands;
 mod lattice;
 mod pcg;
 mod preconditioner;
 
+pub(crate) use islands::CONTRAST;
 pub use pcg::Pcg;
 pub use preconditioner::Preconditioner;
 

@@ -5,15 +5,18 @@
 //! direction enters field and residual.
 
 use super::energy_error::{EnergyError, ErrorRule};
+use super::islands::Islands;
 use super::preconditioner::{ApproximateInverse, Preconditioner};
 use super::{SolveError, SolveReport, SolverOptions};
 use crate::mesh::Lattice;
+use crate::occupancy::Occupancy;
 use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 
 /// The iteration with its preconditioner and working storage, sized once.
 #[derive(Clone, Debug)]
 pub struct Pcg {
     inverse: ApproximateInverse,
+    islands: Islands,
     rule: ErrorRule,
     /// -K x on free rows, zero on fixed ones.
     r: Vec<Lane>,
@@ -30,7 +33,7 @@ impl Pcg {
             _ => ErrorRule::Spectrum { condition: None, solves: 0 },
         };
         let (zeros, zeros32) = (vec![[0.0; LANES]; rows], vec![[0.0; LANES]; rows]);
-        Self { inverse, rule, r: zeros.clone(), p: zeros32, q: zeros }
+        Self { inverse, islands: Islands::default(), rule, r: zeros.clone(), p: zeros32, q: zeros }
     }
 
     /// The preconditioner in use.
@@ -45,6 +48,11 @@ impl Pcg {
     /// since the last call; all nodes at the first.
     pub fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
         self.inverse.refresh(matrix, fixed, changed);
+    }
+
+    /// Finds the bodies of very high permittivity, which need a direction of their own.
+    pub fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+        self.islands.find(matrix, occupancy, fixed);
     }
 
     /// Improves the fields `x` until the tolerance is reached. Fixed rows of `x` keep their values; free rows hold the
@@ -106,14 +114,16 @@ impl Pcg {
 
     /// p = z = M r; returns r·z.
     fn first_direction(&mut self) -> Lane {
-        let (z, rz) = self.inverse.apply(&self.r);
+        let (z, mut rz) = self.inverse.apply(&self.r);
+        self.islands.correct(&self.r, z, &mut rz);
         self.p[..z.len()].copy_from_slice(z);
         rz
     }
 
     /// p = z + β p with z = M r and β the ratio of the new r·z, which is returned, to the old.
     fn next_direction(&mut self, rz: Lane) -> Lane {
-        let (z, next) = self.inverse.apply(&self.r);
+        let (z, mut next) = self.inverse.apply(&self.r);
+        self.islands.correct(&self.r, z, &mut next);
         let beta: Lane32 = std::array::from_fn(|lane| match rz[lane] {
             0.0 => 0.0,
             rz => (next[lane] / rz) as f32,

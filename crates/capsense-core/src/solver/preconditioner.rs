@@ -65,7 +65,7 @@ impl ApproximateInverse {
     }
 
     /// z = M r, zero on fixed rows, and the columns' r·z. There may be fewer rows in z than in r; the others are zero.
-    pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
+    pub(super) fn apply(&mut self, r: &[Lane]) -> (&mut [Lane32], Lane) {
         match self {
             Self::Lattice(multigrid) => multigrid.apply(r),
             Self::Aggregation(multigrid) => multigrid.apply(r),

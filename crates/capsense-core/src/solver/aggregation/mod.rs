@@ -74,7 +74,7 @@ impl AggregationMultigrid {
     }
 
     /// z = M r on node rows by one symmetric V-cycle, and the columns' r·z.
-    pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
+    pub(super) fn apply(&mut self, r: &[Lane]) -> (&mut [Lane32], Lane) {
         for (b, r) in self.levels[0].b.iter_mut().zip(r) {
             *b = r.map(|r| r as f32);
         }
@@ -92,7 +92,7 @@ impl AggregationMultigrid {
             transfer.prolong(&mut fine[index], &coarse[0]);
             fine[index].smooth_backward();
         }
-        let z = &self.levels[0].x;
+        let z = &mut self.levels[0].x;
         let mut products = [0.0; LANES];
         for (z, r) in z.iter().zip(r) {
             for lane in 0..LANES {

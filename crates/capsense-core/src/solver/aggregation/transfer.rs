@@ -105,9 +105,7 @@ impl Transfer {
             *b = [0.0; LANES];
             for &node in members {
                 if fine.is_free(node as usize) {
-                    for lane in 0..LANES {
-                        b[lane] += fine.r[node as usize][lane];
-                    }
+                    b.iter_mut().zip(&fine.r[node as usize]).for_each(|(b, r)| *b += r);
                 }
             }
         }
@@ -118,9 +116,7 @@ impl Transfer {
         for (correction, members) in coarse.x.iter().zip(&self.members) {
             for &node in members {
                 if fine.is_free(node as usize) {
-                    for lane in 0..LANES {
-                        fine.x[node as usize][lane] += STRETCH * correction[lane];
-                    }
+                    fine.x[node as usize].iter_mut().zip(correction).for_each(|(x, c)| *x += STRETCH * c);
                 }
             }
         }

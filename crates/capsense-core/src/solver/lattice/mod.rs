@@ -106,13 +106,13 @@ impl LatticeMultigrid {
     }
 
     /// z = M r on node rows by one symmetric V-cycle, and the columns' r·z.
-    pub(super) fn apply(&mut self, r: &[Lane]) -> (&[Lane32], Lane) {
+    pub(super) fn apply(&mut self, r: &[Lane]) -> (&mut [Lane32], Lane) {
         let nodes = self.levels[0].nodes();
         for (b, r) in self.levels[0].b[nodes.clone()].iter_mut().zip(r) {
             *b = r.map(|r| r as f32);
         }
         self.cycle();
-        let z = &self.levels[0].x[nodes];
+        let z = &mut self.levels[0].x[nodes];
         let mut products = [0.0; LANES];
         for (z, r) in z.iter().zip(r) {
             for lane in 0..LANES {
