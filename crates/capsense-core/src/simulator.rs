@@ -3,7 +3,7 @@
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::estimate::discretisation_error;
 use crate::material::{Connection, Material};
-use crate::occupancy::{EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
+use crate::occupancy::{Contact, EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor, Terminal};
 use crate::solver::{Pcg, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
@@ -275,6 +275,12 @@ impl Simulator {
     /// The stiffness matrix of the last frame.
     pub fn matrix(&self) -> &StiffnessMatrix {
         &self.matrix
+    }
+
+    /// Conducting objects that touch or cover electrodes in the last frame, in increasing order. The capacitances of
+    /// what touches are then not those of any sensor, but artefacts of the mesh.
+    pub fn contacts(&self) -> &[Contact] {
+        self.occupancy.contacts()
     }
 
     /// What objects occupy in the last frame.

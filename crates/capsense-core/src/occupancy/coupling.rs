@@ -41,6 +41,12 @@ impl Coupling {
     }
 }
 
+/// Whether a conductor that fills this part of an edge is at each of its ends: the gap left is one that
+/// [`SMALLEST_PART`] bounds, or none.
+pub(super) fn touches(span: Span) -> [bool; 2] {
+    [span.enter < SMALLEST_PART, span.exit > 1.0 - SMALLEST_PART]
+}
+
 /// One edge and the objects around it.
 pub(super) struct EdgeRule<'a> {
     /// The conductor that holds each end, or [`NO_OBJECT`].
