@@ -146,6 +146,19 @@ fn a_conductor_on_the_stripes_is_reported_as_a_contact() {
 }
 
 #[test]
+fn what_changed_is_told_in_increasing_order() {
+    let mut simulator = simulator(vec![GROUNDED, FLOATING], SolverOptions::default());
+    for (first, second) in [(0.1, 0.02), (0.05, 0.2), (0.3, 0.03)] {
+        let depth = depth_of_boxes([64, 64], &[bar(first, 0.05), bar(second, -0.05)]);
+        let _ = simulator.update(&depth).unwrap();
+        let occupancy = simulator.occupancy();
+        for changed in [occupancy.changed_nodes(), occupancy.changed_edges()] {
+            assert!(!changed.is_empty() && changed.is_sorted_by(|a, b| a < b));
+        }
+    }
+}
+
+#[test]
 fn a_bar_thinner_than_an_edge_still_screens() {
     let mut simulator = simulator(vec![GROUNDED], EXACT);
     let sheet = |height| {

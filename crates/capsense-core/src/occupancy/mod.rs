@@ -163,6 +163,7 @@ impl Occupancy {
         self.compare_links();
         self.changed_edges.sort_unstable();
         self.changed_edges.dedup();
+        self.changed_nodes.sort_unstable();
         self.contacts.sort_unstable();
         self.contacts.dedup();
     }
