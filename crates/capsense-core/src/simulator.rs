@@ -95,6 +95,9 @@ pub struct Simulator {
     matrix: StiffnessMatrix,
     occupancy: Occupancy,
     fields: Fields,
+    /// Over the columns of the fields and ground, no object released yet; and the same with all released.
+    held: CapacitanceMatrix,
+    released: CapacitanceMatrix,
     base: CapacitanceMatrix,
     capacitance: CapacitanceMatrix,
 }
@@ -135,7 +138,10 @@ impl Simulator {
         let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
         fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
+        let terminals = CapacitanceMatrix::zeros(fields.terminals.len() + 1);
         let mut simulator = Self {
+            held: terminals.clone(),
+            released: terminals,
             base: electrodes.clone(),
             capacitance: electrodes,
             sensor,
@@ -193,19 +199,13 @@ impl Simulator {
     /// starts from zero.
     pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
         let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
-        let all = self.fields.maxwell();
-        let mut no_error = CapacitanceMatrix::zeros(all.size());
-        self.capacitance = self.terminate(all, &mut no_error).leading(self.capacitance.size());
-        Ok(report)
-    }
-
-    /// Lets every object that is not held find its own potential.
-    fn terminate(&self, mut all: CapacitanceMatrix, error: &mut CapacitanceMatrix) -> CapacitanceMatrix {
-        let released = self.materials.iter().filter_map(own_potential);
-        for (object, to_ground) in released.enumerate() {
-            all.release(self.sensor.electrode_names().len() + object, to_ground, error);
+        self.fields.maxwell(&mut self.held);
+        self.released.copy_leading(&self.held);
+        for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
+            self.released.release(object, to_ground);
         }
-        all
+        self.capacitance.copy_leading(&self.released);
+        Ok(report)
     }
 
     /// The Maxwell capacitance matrix over the electrodes in the last frame solved.
@@ -217,12 +217,14 @@ impl Simulator {
     /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
     /// them. A capacitance from an object to ground is not part of it.
     pub fn capacitance_to_ground(&self) -> Vec<f64> {
-        let mut all = self.fields.maxwell();
+        let mut all = self.held.clone();
         let ground = all.size() - 1;
         for (column, charge) in self.fields.charges_on_ground().into_iter().enumerate() {
             all.set(column, ground, charge);
         }
-        let all = self.terminate(all, &mut CapacitanceMatrix::zeros(ground + 1));
+        for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
+            all.release(object, to_ground);
+        }
         (0..self.capacitance.size()).map(|electrode| all.get(electrode, ground)).collect()
     }
 
@@ -251,8 +253,14 @@ impl Simulator {
                 error.set(s, t, of_mesh.get(s, t));
             }
         }
-        let capacitance = self.terminate(self.fields.maxwell(), &mut error);
-        let mut bars = error.leading(self.capacitance.size());
+        let mut all = self.held.clone();
+        for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
+            all.release_error(object, to_ground, &mut error);
+            all.release(object, to_ground);
+        }
+        let capacitance = &self.capacitance;
+        let mut bars = CapacitanceMatrix::zeros(capacitance.size());
+        bars.copy_leading(&error);
         for s in 0..bars.size() {
             for t in s..bars.size() {
                 let scale = (capacitance.get(s, s) * capacitance.get(t, t)).sqrt();
@@ -287,6 +295,12 @@ impl Simulator {
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }
+}
+
+/// Columns of the objects that find their own potential, which come after those of the electrodes, and the capacitance
+/// of each to ground.
+fn released_objects(materials: &[Material], electrodes: usize) -> impl Iterator<Item = (usize, f64)> {
+    (electrodes..).zip(materials.iter().filter_map(own_potential))
 }
 
 fn check(sensor: &Sensor, materials: &[Material], options: &SolverOptions) -> Result<(), SimulatorError> {
@@ -414,9 +428,8 @@ impl Fields {
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are
     /// left for ground.
-    fn maxwell(&self) -> CapacitanceMatrix {
+    fn maxwell(&self, all: &mut CapacitanceMatrix) {
         let columns = self.terminals.len();
-        let mut all = CapacitanceMatrix::zeros(columns + 1);
         for (a, potentials) in self.potentials.iter().enumerate() {
             for (b, charges) in self.charges.iter().enumerate().skip(a) {
                 let energies = products(potentials, charges);
@@ -429,7 +442,6 @@ impl Fields {
                 }
             }
         }
-        all
     }
 
     /// For each column the charge, in farads, on everything grounded.

@@ -132,7 +132,7 @@ impl EdgeRule<'_> {
         for (_, span) in self.dielectrics() {
             breaks.extend([span.enter, span.exit].into_iter().filter(|&t| t > a && t < b));
         }
-        breaks.sort_by(f64::total_cmp);
+        breaks.sort_unstable_by(f64::total_cmp);
         breaks
             .windows(2)
             .map(|piece| {

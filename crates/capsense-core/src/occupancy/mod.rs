@@ -159,7 +159,7 @@ impl Occupancy {
             self.update_edges(self.scratch.region(object), mesh, materials, surfaces);
         }
         // Sums over links must not depend on where objects were before.
-        self.links.sort_by_key(|link| link.edge);
+        self.links.sort_unstable_by_key(|link| (link.edge, link.node));
         self.compare_links();
         self.changed_edges.sort_unstable();
         self.changed_edges.dedup();
@@ -258,7 +258,7 @@ impl Occupancy {
         &self.through
     }
 
-    /// Links from nodes to objects, ordered by edge.
+    /// Links from nodes to objects, ordered by edge and node.
     pub fn links(&self) -> &[Link] {
         &self.links
     }
