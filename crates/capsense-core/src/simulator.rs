@@ -205,7 +205,36 @@ impl Simulator {
             self.released.release(object, to_ground);
         }
         self.capacitance.copy_leading(&self.released);
+        if cfg!(debug_assertions) && self.contacts().is_empty() {
+            self.assert_maxwell();
+        }
         Ok(report)
+    }
+
+    /// What every Maxwell matrix satisfies, up to what the iteration may leave of the matrix before objects were
+    /// released. The signs hold where no weight of an edge is negative; meshes from elsewhere may have obtuse angles.
+    fn assert_maxwell(&self) {
+        let c = &self.capacitance;
+        let slack =
+            |i, j| (1e-6 + self.options.tolerance) * (self.held.get(i, i) * self.held.get(j, j)).sqrt();
+        for i in 0..c.size() {
+            assert!(c.get(i, i) > 0.0, "C_{i}{i} is not positive: {c:?}");
+            let mut row_sum = c.get(i, i);
+            let mut row_slack = slack(i, i);
+            for j in (0..c.size()).filter(|&j| j != i) {
+                assert!(c.get(i, j).to_bits() == c.get(j, i).to_bits(), "not symmetric: {c:?}");
+                assert!(
+                    self.sensor.lattice().is_none() || c.get(i, j) <= slack(i, j),
+                    "C_{i}{j} is positive: {c:?}"
+                );
+                row_sum += c.get(i, j);
+                row_slack += slack(i, j);
+            }
+            assert!(
+                self.sensor.lattice().is_none() || row_sum >= -row_slack,
+                "row {i} sums to {row_sum}: {c:?}"
+            );
+        }
     }
 
     /// The Maxwell capacitance matrix over the electrodes in the last frame solved.
