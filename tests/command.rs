@@ -116,6 +116,37 @@ fn a_run_leads_back_to_its_scene_from_anywhere() {
 }
 
 #[test]
+fn a_conductor_on_an_electrode_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = SCENE.replace("[[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]", "[[0.0, 0.0, 0.12], [0.0, 0.0, 0.02]]");
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let outcome = capsense(folder.path(), &["run", "scene.toml", "--quiet", "--out", "out"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let says = |electrode: &str| {
+        format!(
+            "scene.toml: in frame 2 object `bar` touches electrode `{electrode}`, a short circuit: \
+             capacitances of what touches mean nothing"
+        )
+    };
+    let expected = ["E1", "E2"].map(says);
+    let printed: Vec<_> = outcome.stderr.lines().map(|line| line.trim_start_matches("warning: ")).collect();
+    assert_eq!(printed, expected);
+    let report = json(&folder.path().join("out/report.json"));
+    assert_eq!(report["warnings"], serde_json::json!(expected));
+
+    for (frame, warned) in [("1", false), ("2", true)] {
+        let outcome = capsense(folder.path(), &["solve", "scene.toml", "--frame", frame]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        assert_eq!(
+            outcome.stderr.contains(&format!("warning: {}", says("E2"))),
+            warned,
+            "{}",
+            outcome.stderr
+        );
+    }
+}
+
+#[test]
 fn two_runs_give_identical_capacitances() {
     let folder = tempfile::tempdir().unwrap();
     write_scene(folder.path());

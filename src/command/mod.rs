@@ -1,5 +1,6 @@
 //! The subcommands and what they share: arguments and exit codes.
 
+mod contacts;
 mod csv_table;
 mod curves;
 mod interrupt;
@@ -73,9 +74,7 @@ pub(crate) fn message(error: &anyhow::Error) -> String {
 /// Reads a scene, or takes the built-in one, and prints its warnings.
 fn load_scene(path: Option<&Path>) -> Result<Scene, SceneError> {
     let scene = path.map_or_else(Scene::built_in, Scene::load)?;
-    for warning in &scene.warnings {
-        eprintln!("warning: {warning}");
-    }
+    contacts::print_warnings(&scene.warnings);
     Ok(scene)
 }
 

@@ -21,7 +21,7 @@ pub(super) struct Report<'a> {
     frames: Frames,
     milliseconds: Timing,
     base_farads: Vec<&'a [f64]>,
-    warnings: &'a [String],
+    warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -132,7 +132,12 @@ impl<'a> Report<'a> {
                 total: Spread::of(frames, |took| took.total),
             },
             base_farads: pipeline.simulator().base().rows().collect(),
-            warnings: &scene.warnings,
+            warnings: Vec::new(),
         }
+    }
+
+    /// Tells what is odd about the run but no error.
+    pub(super) fn with_warnings(self, warnings: Vec<String>) -> Self {
+        Self { warnings, ..self }
     }
 }

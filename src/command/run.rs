@@ -1,5 +1,6 @@
 //! `capsense run`: all frames of a scene, to curves and a report.
 
+use super::contacts::{ContactLog, print_warnings};
 use super::csv_table::{csv_table, upper_triangle};
 use super::curves::curves;
 use super::interrupt::Interrupt;
@@ -42,22 +43,29 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         .context("cannot tell where the scene file is")?;
     let progress = progress_bar(scene.frames, arguments.quiet);
     let mut frames = Vec::with_capacity(scene.frames);
+    let mut contacts = ContactLog::default();
     let mut failure: Option<PipelineError> = None;
     while frames.len() < scene.frames && !interrupt.requested() && failure.is_none() {
         match pipeline.frame(frames.len()) {
-            Ok(frame) => frames.push(frame),
+            Ok(frame) => {
+                contacts.note(frame.index, &pipeline);
+                frames.push(frame);
+            }
             Err(error) => failure = Some(error),
         }
         progress.inc(1);
     }
     progress.finish_and_clear();
+    let contacts = contacts.warnings(&scene);
+    print_warnings(&contacts);
+    let warnings = [scene.warnings.as_slice(), &contacts].concat();
     let complete = frames.len() == scene.frames;
     write_results(
         out,
         &scene,
         &pipeline,
         &frames,
-        &Report::new(origin, &scene, &pipeline, &frames, setup, !complete),
+        &Report::new(origin, &scene, &pipeline, &frames, setup, !complete).with_warnings(warnings),
     )?;
     if let Some(error) = failure {
         let message = format!("frame {} failed; the frames before it are in {}", frames.len(), out.display());

@@ -1,5 +1,6 @@
 //! `capsense solve`: one frame, with error bars.
 
+use super::contacts::{ContactLog, print_warnings};
 use super::output::print_out;
 use super::text::{Prefix, table};
 use super::{BadInput, load_scene};
@@ -59,6 +60,9 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
     }
     let mut pipeline = Pipeline::new(&scene)?;
     let frame = pipeline.frame(arguments.frame)?;
+    let mut contacts = ContactLog::default();
+    contacts.note(arguments.frame, &pipeline);
+    print_warnings(&contacts.warnings(&scene));
     let error = pipeline.simulator().error_estimate(&frame.solve);
     if arguments.json {
         let solved = Solved {

@@ -44,33 +44,44 @@ impl CapacitanceMatrix {
         self.farads.chunks_exact(self.size.max(1))
     }
 
-    /// The matrix of the first `size` terminals, all others at 0 V.
-    pub(crate) fn leading(&self, size: usize) -> Self {
-        let farads = self.rows().take(size).flat_map(|row| row[..size].iter().copied()).collect();
-        Self { size, farads }
+    /// Takes over the leading entries of a matrix of at least this size: all its other terminals at 0 V.
+    pub(crate) fn copy_leading(&mut self, from: &Self) {
+        let size = self.size;
+        for (row, from) in self.farads.chunks_exact_mut(size.max(1)).zip(from.rows()) {
+            row.copy_from_slice(&from[..size]);
+        }
     }
 
     /// Lets an object find its own potential: its net charge is zero (`to_ground` = 0), or that of a capacitance to
-    /// ground, Q = -C_g V. Its row and column become zero, all others take the Schur complement. The bound `error` on
-    /// each entry follows to first order.
-    pub(crate) fn release(&mut self, object: usize, to_ground: f64, error: &mut Self) {
+    /// ground, Q = -C_g V. Its row and column become zero, all others take the Schur complement.
+    pub(crate) fn release(&mut self, object: usize, to_ground: f64) {
         let pivot = self.get(object, object) + to_ground;
-        if pivot > 0.0 {
-            let charge: Vec<f64> = (0..self.size).map(|t| self.get(object, t)).collect();
-            let share: Vec<f64> = charge.iter().map(|charge| charge / pivot).collect();
-            let of_object: Vec<f64> = (0..self.size).map(|t| error.get(object, t)).collect();
-            for s in 0..self.size {
-                for t in s..self.size {
-                    self.set(s, t, self.get(s, t) - share[s] * charge[t]);
-                    let change = share[s] * of_object[t] + share[t] * of_object[s];
-                    let square = share[s] * share[t] * of_object[object];
-                    error.set(s, t, error.get(s, t) - change + square);
-                }
+        for s in (0..self.size).filter(|&s| s != object && pivot > 0.0) {
+            let share = self.get(object, s) / pivot;
+            for t in (s..self.size).filter(|&t| t != object) {
+                self.set(s, t, self.get(s, t) - share * self.get(object, t));
             }
         }
+        self.clear(object);
+    }
+
+    /// What [`CapacitanceMatrix::release`] will make, to first order, of the bound `error` on each entry.
+    pub(crate) fn release_error(&self, object: usize, to_ground: f64, error: &mut Self) {
+        let pivot = self.get(object, object) + to_ground;
+        let share = |t: usize| self.get(object, t) / pivot;
+        for s in (0..self.size).filter(|&s| s != object && pivot > 0.0) {
+            for t in (s..self.size).filter(|&t| t != object) {
+                let change = share(s) * error.get(object, t) + share(t) * error.get(object, s);
+                let square = share(s) * share(t) * error.get(object, object);
+                error.set(s, t, error.get(s, t) - change + square);
+            }
+        }
+        error.clear(object);
+    }
+
+    fn clear(&mut self, terminal: usize) {
         for t in 0..self.size {
-            self.set(object, t, 0.0);
-            error.set(object, t, 0.0);
+            self.set(terminal, t, 0.0);
         }
     }
 }

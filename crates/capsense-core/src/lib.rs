@@ -9,6 +9,7 @@
 pub mod capacitance;
 pub mod electrode;
 pub mod estimate;
+mod fields;
 pub mod geometry;
 pub mod material;
 pub mod mesh;

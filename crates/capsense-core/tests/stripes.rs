@@ -8,6 +8,7 @@ mod common;
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::Aabb;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::occupancy::Contact;
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::SolverOptions;
 use common::{EXACT, bar, depth_of_boxes, stripes_sensor};
@@ -122,6 +123,39 @@ fn a_bar_that_leaves_the_scene_leaves_no_trace() {
     assert_eq!(simulator.matrix().to_csr(), fresh.matrix().to_csr());
     let (after, before) = (simulator.capacitance().get(0, 0), simulator.base().get(0, 0));
     assert!((after / before - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_conductor_on_the_stripes_is_reported_as_a_contact() {
+    let insulator = Material::Dielectric(RelativePermittivity::new(3.0).unwrap());
+    let mut simulator = simulator(vec![insulator, FLOATING, GROUNDED], SolverOptions::default());
+    let mut contacts = |heights: [f64; 3], shift: f64| {
+        let boxes = heights.map(|height| bar(height, shift));
+        let _ = simulator.update(&depth_of_boxes([64, 64], &boxes)).unwrap();
+        simulator.contacts().to_vec()
+    };
+    let all = |object| [0, 1, 2].map(|electrode| Contact { object, electrode });
+    assert_eq!(contacts([-0.005, 0.02, 0.1], 0.0), []);
+    assert_eq!(contacts([0.1, 0.02, -0.005], 0.0), all(2));
+    assert_eq!(contacts([0.1, 0.02, -0.005], 0.0), all(2), "nothing moved");
+    assert_eq!(contacts([0.1, 0.0, 0.02], 0.0), all(1), "a face on the electrodes");
+    assert_eq!(contacts([0.1, -0.005, -0.005], 0.0), [all(1), all(2)].concat());
+    // From y = 0.025 on; the stripes end at -0.02, 0.01 and 0.04.
+    assert_eq!(contacts([0.1, 0.1, -0.005], 0.1), [Contact { object: 2, electrode: 2 }]);
+    assert_eq!(contacts([0.1, 0.1, 0.02], 0.0), []);
+}
+
+#[test]
+fn what_changed_is_told_in_increasing_order() {
+    let mut simulator = simulator(vec![GROUNDED, FLOATING], SolverOptions::default());
+    for (first, second) in [(0.1, 0.02), (0.05, 0.2), (0.3, 0.03)] {
+        let depth = depth_of_boxes([64, 64], &[bar(first, 0.05), bar(second, -0.05)]);
+        let _ = simulator.update(&depth).unwrap();
+        let occupancy = simulator.occupancy();
+        for changed in [occupancy.changed_nodes(), occupancy.changed_edges()] {
+            assert!(!changed.is_empty() && changed.is_sorted_by(|a, b| a < b));
+        }
+    }
 }
 
 #[test]

@@ -41,6 +41,12 @@ impl Coupling {
     }
 }
 
+/// Whether a conductor that fills this part of an edge is at each of its ends: the gap left is one that
+/// [`SMALLEST_PART`] bounds, or none.
+pub(super) fn touches(span: Span) -> [bool; 2] {
+    [span.enter < SMALLEST_PART, span.exit > 1.0 - SMALLEST_PART]
+}
+
 /// One edge and the objects around it.
 pub(super) struct EdgeRule<'a> {
     /// The conductor that holds each end, or [`NO_OBJECT`].
@@ -126,7 +132,7 @@ impl EdgeRule<'_> {
         for (_, span) in self.dielectrics() {
             breaks.extend([span.enter, span.exit].into_iter().filter(|&t| t > a && t < b));
         }
-        breaks.sort_by(f64::total_cmp);
+        breaks.sort_unstable_by(f64::total_cmp);
         breaks
             .windows(2)
             .map(|piece| {

@@ -12,8 +12,8 @@ pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::Edges;
-use crate::sensor::{FREE, Terminal};
-use coupling::EdgeRule;
+use crate::sensor::{FREE, GROUND, Terminal};
+use coupling::{EdgeRule, touches};
 use glam::DVec3;
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
@@ -64,6 +64,16 @@ pub struct EdgeGeometry<'a> {
 /// Marks a node that lies in no conductor.
 pub const NO_OBJECT: u16 = u16::MAX;
 
+/// A conducting object that touches or covers an electrode: a short circuit. The capacitance that the mesh has between
+/// the two follows from [`SMALLEST_PART`] and the size of its cells alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Contact {
+    /// Index of the object.
+    pub object: usize,
+    /// Index of the electrode.
+    pub electrode: usize,
+}
+
 /// What the objects of one frame do to nodes and edges, and what changed since the frame before.
 #[derive(Clone, Debug)]
 pub struct Occupancy {
@@ -72,6 +82,7 @@ pub struct Occupancy {
     links: Vec<Link>,
     changed_edges: Vec<u32>,
     changed_nodes: Vec<u32>,
+    contacts: Vec<Contact>,
     scratch: Scratch,
 }
 
@@ -109,6 +120,7 @@ impl Occupancy {
             links: Vec::new(),
             changed_edges: Vec::new(),
             changed_nodes: Vec::new(),
+            contacts: Vec::new(),
             scratch: Scratch {
                 bounds: Vec::new(),
                 old_bounds: Vec::new(),
@@ -139,6 +151,7 @@ impl Occupancy {
         self.changed_nodes.clear();
         self.changed_edges.clear();
         self.links.clear();
+        self.contacts.clear();
         for object in 0..materials.len() {
             self.update_nodes(self.scratch.region(object), mesh, materials, surfaces);
         }
@@ -146,10 +159,13 @@ impl Occupancy {
             self.update_edges(self.scratch.region(object), mesh, materials, surfaces);
         }
         // Sums over links must not depend on where objects were before.
-        self.links.sort_by_key(|link| link.edge);
+        self.links.sort_unstable_by_key(|link| (link.edge, link.node));
         self.compare_links();
         self.changed_edges.sort_unstable();
         self.changed_edges.dedup();
+        self.changed_nodes.sort_unstable();
+        self.contacts.sort_unstable();
+        self.contacts.dedup();
     }
 
     fn update_nodes(
@@ -202,6 +218,13 @@ impl Occupancy {
                     spans.push((object as u16, span));
                 }
             }
+            for &(object, span) in spans.iter() {
+                let object = usize::from(object);
+                if matches!(materials[object], Material::Conductor(_)) {
+                    let terminals = ends.map(|node| mesh.terminals[node as usize]);
+                    note_contacts(&mut self.contacts, object, terminals, touches(span));
+                }
+            }
             let rule = EdgeRule { owners, spans, materials, background: mesh.permittivity[edge] };
             let coupling = rule.coupling(breaks);
             self.links.extend(coupling.links(edge as u32, ends));
@@ -235,9 +258,14 @@ impl Occupancy {
         &self.through
     }
 
-    /// Links from nodes to objects, ordered by edge.
+    /// Links from nodes to objects, ordered by edge and node.
     pub fn links(&self) -> &[Link] {
         &self.links
+    }
+
+    /// Conducting objects that touch electrodes, in increasing order.
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
     }
 
     /// Edges that are coupled differently than in the frame before, in increasing order.
@@ -248,6 +276,18 @@ impl Occupancy {
     /// Nodes that belong to another conductor, or none, than in the frame before, in increasing order.
     pub fn changed_nodes(&self) -> &[u32] {
         &self.changed_nodes
+    }
+}
+
+/// Notes the electrodes at those ends of an edge that an object touches; most repeat what was noted last.
+fn note_contacts(contacts: &mut Vec<Contact>, object: usize, terminals: [Terminal; 2], touched: [bool; 2]) {
+    for (terminal, touched) in terminals.into_iter().zip(touched) {
+        if touched && terminal != FREE && terminal != GROUND {
+            let contact = Contact { object, electrode: usize::from(terminal) - 1 };
+            if contacts.last() != Some(&contact) {
+                contacts.push(contact);
+            }
+        }
     }
 }
 
