@@ -75,6 +75,9 @@ fn run_writes_curves_table_and_report() {
     assert_eq!(report["method"]["interface"], "edge-cut");
     assert!(report["mesh"]["tets"].as_u64().unwrap() <= 8000);
     assert!(report["mesh"]["tets"].as_u64().unwrap() > 4000);
+    let [median, most] =
+        ["median", "max"].map(|rank| report["solver"][format!("iterations_{rank}")].as_u64().unwrap());
+    assert!(0 < median && median <= most, "{median} {most}");
     assert!(report["solver"]["relative_error_max"].as_f64().unwrap() <= 1e-4);
     assert_eq!(matrix(&report["base_farads"]).len(), 2);
     for part in ["geometry", "update", "solve", "total"] {

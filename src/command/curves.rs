@@ -5,6 +5,8 @@ use super::text::Prefix;
 use anyhow::anyhow;
 use capsense::Frame;
 use capsense::core::capacitance::CapacitanceMatrix;
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
@@ -44,12 +46,30 @@ pub(super) fn curves(
     Ok(text)
 }
 
-fn draw(
-    text: &mut String,
-    electrodes: &[String],
-    base: &CapacitanceMatrix,
-    frames: &[Frame],
-) -> Result<(), Box<dyn std::error::Error>> {
+/// How the curve of one entry is drawn: solid, or in dashes of a stroke and a gap.
+struct CurveStyle {
+    line: ShapeStyle,
+    dash: Option<(u32, u32)>,
+}
+
+/// Self-capacitances and couplings are numbered apart, and each number has a colour.
+fn curve_styles(entries: &[(usize, usize)]) -> Vec<CurveStyle> {
+    let mut couplings = 0;
+    let style_of = |&(row, column): &(usize, usize)| {
+        let (number, dash) = if row == column {
+            (row, None)
+        } else {
+            couplings += 1;
+            (couplings - 1, Some(DASHES[(couplings - 1) / COLOURS.len() % DASHES.len()]))
+        };
+        CurveStyle { line: COLOURS[number % COLOURS.len()].stroke_width(2), dash }
+    };
+    entries.iter().map(style_of).collect()
+}
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+fn draw(text: &mut String, electrodes: &[String], base: &CapacitanceMatrix, frames: &[Frame]) -> Drawn {
     let change = |frame: &Frame, (row, column): (usize, usize)| {
         frame.capacitance.get(row, column) - base.get(row, column)
     };
@@ -82,38 +102,49 @@ fn draw(
         .bold_line_style(RGBColor(220, 220, 220))
         .y_label_formatter(&|value| tick(*value, high - low))
         .draw()?;
-    let mut couplings = 0;
-    for (index, &entry) in entries.iter().enumerate() {
-        let points = || frames.iter().map(|frame| (frame.time_s, unit.of(change(frame, entry))));
-        let y = TOP + (LINE * index as u32) as i32;
-        let (number, dash) = if entry.0 == entry.1 {
-            (entry.0, None)
-        } else {
-            couplings += 1;
-            (couplings - 1, Some(DASHES[(couplings - 1) / COLOURS.len() % DASHES.len()]))
-        };
-        let style = COLOURS[number % COLOURS.len()].stroke_width(2);
-        let sample = [(0, y), (28, y)];
-        if let Some((stroke, gap)) = dash {
-            legend.draw(&DashedPathElement::new(sample, stroke, gap, style))?;
-        } else {
-            legend.draw(&PathElement::new(sample.to_vec(), style))?;
-        }
-        match dash {
-            _ if frames.len() == 1 => {
-                chart.draw_series(points().map(|point| Circle::new(point, 4, style.filled())))?;
-            }
-            None => {
-                chart.draw_series(LineSeries::new(points(), style))?;
-            }
-            Some((stroke, gap)) => {
-                chart.draw_series(DashedLineSeries::new(points(), stroke, gap, style))?;
-            }
-        }
+    for (index, (&entry, style)) in entries.iter().zip(curve_styles(&entries)).enumerate() {
         let label = format!("{} {}", electrodes[entry.0], electrodes[entry.1]);
-        legend.draw(&Text::new(label, (36, y - 8), ("sans-serif", 14)))?;
+        draw_legend_line(&legend, index, &style, label)?;
+        let points = frames.iter().map(|frame| (frame.time_s, unit.of(change(frame, entry))));
+        draw_curve(&mut chart, &style, points)?;
     }
     root.present()?;
+    Ok(())
+}
+
+fn draw_legend_line(
+    legend: &DrawingArea<SVGBackend<'_>, Shift>,
+    index: usize,
+    style: &CurveStyle,
+    label: String,
+) -> Drawn {
+    let y = TOP + (LINE * index as u32) as i32;
+    let sample = [(0, y), (28, y)];
+    match style.dash {
+        Some((stroke, gap)) => legend.draw(&DashedPathElement::new(sample, stroke, gap, style.line))?,
+        None => legend.draw(&PathElement::new(sample.to_vec(), style.line))?,
+    }
+    legend.draw(&Text::new(label, (36, y - 8), ("sans-serif", 14)))?;
+    Ok(())
+}
+
+/// A single point is no line, and so becomes a disk.
+fn draw_curve<'b>(
+    chart: &mut ChartContext<'_, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>,
+    style: &CurveStyle,
+    points: impl ExactSizeIterator<Item = (f64, f64)> + Clone,
+) -> Drawn {
+    match style.dash {
+        _ if points.len() == 1 => {
+            chart.draw_series(points.map(|point| Circle::new(point, 4, style.line.filled())))?;
+        }
+        None => {
+            chart.draw_series(LineSeries::new(points, style.line))?;
+        }
+        Some((stroke, gap)) => {
+            chart.draw_series(DashedLineSeries::new(points, stroke, gap, style.line))?;
+        }
+    }
     Ok(())
 }
 

@@ -44,8 +44,8 @@ struct Solver {
     preconditioner: &'static str,
     tolerance: f64,
     threads: usize,
-    iterations_median: f64,
-    iterations_max: f64,
+    iterations_median: usize,
+    iterations_max: usize,
     relative_error_final: f64,
     relative_error_max: f64,
 }
@@ -94,7 +94,7 @@ impl<'a> Report<'a> {
         setup: f64,
         interrupted: bool,
     ) -> Self {
-        let iterations: Vec<f64> = frames.iter().map(|frame| frame.solve.iterations as f64).collect();
+        let iterations: Vec<usize> = frames.iter().map(|frame| frame.solve.iterations).collect();
         let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
         Self {
             version: env!("CARGO_PKG_VERSION"),

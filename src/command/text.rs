@@ -1,5 +1,7 @@
 //! Numbers and tables for people to read.
 
+use std::cmp::Ordering;
+
 /// A decimal multiple of the farad.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Prefix {
@@ -46,11 +48,11 @@ pub(super) fn table(rows: &[Vec<String>]) -> String {
 }
 
 /// Fraction `part` of the way up the sorted values (nearest rank); zero when there are none.
-pub(super) fn percentile(values: &[f64], part: f64) -> f64 {
+pub(super) fn percentile<T: Copy + Default + PartialOrd>(values: &[T], part: f64) -> T {
     let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
+    sorted.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
     let rank = (part * sorted.len() as f64).ceil() as usize;
-    sorted.get(rank.max(1) - 1).copied().unwrap_or(0.0)
+    sorted.get(rank.max(1) - 1).copied().unwrap_or_default()
 }
 
 #[cfg(test)]
@@ -72,7 +74,8 @@ mod tests {
         assert_eq!(percentile(&values, 0.5), 3.0);
         assert_eq!(percentile(&values, 0.95), 5.0);
         assert_eq!(percentile(&values, 1.0), 5.0);
-        assert_eq!(percentile(&[], 0.5), 0.0);
+        assert_eq!(percentile(&[2, 1, 4, 3], 0.5), 2);
+        assert_eq!(percentile::<f64>(&[], 0.5), 0.0);
     }
 
     #[test]

@@ -172,14 +172,10 @@ impl Groups<'_> {
         }
         if board.grounded_back {
             let slack = IN_PLANE * mesh.bounds().size().max_element();
-            let on_back = |node: &DVec3| {
-                (node.z - bounds.min.z).abs() <= slack
-                    && (node.truncate().abs() - 0.5 * board.size).max_element() <= slack
-            };
-            let back =
-                mesh.nodes().iter().zip(0u32..).filter(|(node, _)| on_back(node)).map(|(_, index)| index);
+            let nodes = mesh.nodes().iter().zip(0u32..);
+            let back = nodes.filter(|(node, _)| board.is_on_back(**node, slack));
             let before = ground.len();
-            ground.extend(back);
+            ground.extend(back.map(|(_, index)| index));
             if ground.len() == before {
                 let message = "no node of the mesh lies on the back of the board";
                 return self.check.error("sensor.substrate.back", message);

@@ -121,6 +121,12 @@ impl Substrate {
         let half = 0.5 * self.size;
         Aabb { min: (-half).extend(-self.thickness), max: half.extend(0.0) }
     }
+
+    /// Whether a point lies on the far side, give or take `slack` metres.
+    pub fn is_on_back(&self, point: DVec3, slack: f64) -> bool {
+        (point.z + self.thickness).abs() <= slack
+            && (point.truncate().abs() - 0.5 * self.size).max_element() <= slack
+    }
 }
 
 /// What a sensor is meant to be, before it has a mesh.
@@ -279,11 +285,7 @@ impl Sensor {
             let inside = board.relative_permittivity.value();
             mesh = mesh.with_permittivity(|e| if bounds.contains(centroids[e]) { inside } else { 1.0 })?;
             if board.grounded_back {
-                let back = |node: DVec3| {
-                    (node.z - bounds.min.z).abs() <= slack
-                        && (node.truncate().abs() - 0.5 * board.size).max_element() <= slack
-                };
-                ground.extend(nodes_where(&mesh, back));
+                ground.extend(nodes_where(&mesh, |node| board.is_on_back(node, slack)));
             }
         }
         let electrodes =
