@@ -70,15 +70,23 @@ impl ApproximateInverse {
             Self::Lattice(multigrid) => multigrid.apply(r),
             Self::Aggregation(multigrid) => multigrid.apply(r),
             Self::Diagonal { factors, z, .. } => {
-                let mut products = [0.0; LANES];
                 for ((z, r), factor) in z.iter_mut().zip(r).zip(factors) {
-                    for lane in 0..LANES {
-                        z[lane] = (*factor * r[lane]) as f32;
-                        products[lane] += r[lane] * f64::from(z[lane]);
-                    }
+                    *z = r.map(|r| (*factor * r) as f32);
                 }
+                let products = products(r, z);
                 (z, products)
             }
         }
     }
+}
+
+/// The columns' r·z, over the rows of z.
+pub(super) fn products(r: &[Lane], z: &[Lane32]) -> Lane {
+    let mut sums = [0.0; LANES];
+    for (z, r) in z.iter().zip(r) {
+        for lane in 0..LANES {
+            sums[lane] += r[lane] * f64::from(z[lane]);
+        }
+    }
+    sums
 }

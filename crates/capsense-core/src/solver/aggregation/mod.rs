@@ -7,6 +7,7 @@
 mod level;
 mod transfer;
 
+use super::preconditioner::products;
 use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 use level::Level;
 use transfer::Transfer;
@@ -93,12 +94,7 @@ impl AggregationMultigrid {
             fine[index].smooth_backward();
         }
         let z = &mut self.levels[0].x;
-        let mut products = [0.0; LANES];
-        for (z, r) in z.iter().zip(r) {
-            for lane in 0..LANES {
-                products[lane] += r[lane] * f64::from(z[lane]);
-            }
-        }
+        let products = products(r, z);
         (z, products)
     }
 }

@@ -8,6 +8,7 @@
 mod level;
 mod transfer;
 
+use super::preconditioner::products;
 use crate::mesh::Lattice;
 use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 use level::Level;
@@ -113,12 +114,7 @@ impl LatticeMultigrid {
         }
         self.cycle();
         let z = &mut self.levels[0].x[nodes];
-        let mut products = [0.0; LANES];
-        for (z, r) in z.iter().zip(r) {
-            for lane in 0..LANES {
-                products[lane] += r[lane] * f64::from(z[lane]);
-            }
-        }
+        let products = products(r, z);
         (z, products)
     }
 
