@@ -11,7 +11,7 @@ use common::{MESH_SCENE, SCENE};
 use proptest::prelude::*;
 use std::path::Path;
 
-/// The scene of the contract, every key that it has; `PRECONDITIONER` is chosen by the tests.
+/// The scene of the contract, every key that it has.
 const CONTRACT: &str = r#"
 [domain]
 min = [-0.25, -0.25, -0.05]
@@ -48,7 +48,7 @@ back_fill = false
 
 [solver]
 tolerance = 1e-4
-preconditioner = "jacobi"
+preconditioner = "multigrid"
 threads = 0
 "#;
 

@@ -116,7 +116,7 @@ impl Simulator {
         let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
         let occupancy = Occupancy::empty(nodes, network.edges().len());
-        let matrix = StiffnessMatrix::new(network, nodes, materials.len());
+        let matrix = StiffnessMatrix::new(network, nodes);
         let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
         fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());

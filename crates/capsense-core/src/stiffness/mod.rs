@@ -27,12 +27,11 @@ pub type Lane32 = [f32; LANES];
 /// Number of columns that advance together.
 pub const LANES: usize = 4;
 
-/// The stiffness matrix. Rows 0..nodes are nodes, the rows after them objects.
+/// The stiffness matrix. Rows 0..nodes are nodes, the rows after them objects, as many as vectors have.
 #[derive(Clone, Debug)]
 pub struct StiffnessMatrix {
     network: EdgeNetwork,
     nodes: usize,
-    objects: usize,
     values: Values,
     links: Vec<WeightedLink>,
     /// Sum of the weights of each node's links.
@@ -58,8 +57,8 @@ struct WeightedLink {
 }
 
 impl StiffnessMatrix {
-    /// Builds the matrix of a network without objects; up to `objects` may come later.
-    pub fn new(network: EdgeNetwork, nodes: usize, objects: usize) -> Self {
+    /// Builds the matrix of a network without objects.
+    pub fn new(network: EdgeNetwork, nodes: usize) -> Self {
         let values = match network.edges() {
             Edges::Lattice(lattice) => Values::Lattice(LatticeValues::new(lattice, network.weights())),
             edges @ Edges::List(_) => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
@@ -67,7 +66,6 @@ impl StiffnessMatrix {
         let mut matrix = Self {
             network,
             nodes,
-            objects,
             values,
             links: Vec::new(),
             link_sums: vec![0.0; nodes],
@@ -131,11 +129,6 @@ impl StiffnessMatrix {
     /// Number of node rows.
     pub fn nodes(&self) -> usize {
         self.nodes
-    }
-
-    /// Number of rows: nodes, then objects.
-    pub fn rows(&self) -> usize {
-        self.nodes + self.objects
     }
 
     /// The edges and their weights without objects.

@@ -182,7 +182,7 @@ mod tests {
             let on_wall = |p: &DVec3| p.min_element() == 0.0 || p.max_element() == 1.0;
             let terminals = mesh.nodes().iter().map(|p| if on_wall(p) { GROUND } else { FREE }).collect();
             let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
-            let matrix = StiffnessMatrix::new(network, mesh.nodes().len(), 1);
+            let matrix = StiffnessMatrix::new(network, mesh.nodes().len());
             let multigrid = LatticeMultigrid::new(&lattice);
             let mut scene = Self { nodes: mesh.nodes().to_vec(), terminals, matrix, occupancy, multigrid };
             scene.refresh();
