@@ -1,0 +1,37 @@
+//! What the iteration needs of a stiffness matrix, its preconditioner and its vectors, whatever their layout.
+
+/// Fields x of several terminals on one mesh with everything around them: K, an approximate inverse M, the residual
+/// r = -K x (zero on fixed rows), the preconditioned residual z, and the last step p.
+///
+/// Columns advance together. One that is not `active` needs no more work: its z is not read again, its step is zero.
+pub(super) trait Operator {
+    /// Number of columns.
+    fn columns(&self) -> usize;
+
+    /// Where the fields stand. `residual` must be called before when rows changed.
+    fn state(&self) -> &State;
+
+    /// r = -K x, recomputed everywhere, and with it [`Operator::state`].
+    fn evaluate(&mut self);
+
+    /// z = M r. Returns rᵀz of each column.
+    fn precondition(&mut self, active: &[bool]) -> &[f64];
+
+    /// zᵀKz and zᵀKp of each column.
+    fn curvatures(&mut self, active: &[bool]) -> (&[f64], &[f64]);
+
+    /// p = a z + b p, x += p, then as [`Operator::evaluate`], with rᵀp.
+    fn step(&mut self, a: &[f64], b: &[f64]);
+}
+
+/// What is known of the fields after they were evaluated.
+#[derive(Clone, Debug, Default)]
+pub(super) struct State {
+    /// XᵀKX over all rows, row by row: the energies of all pairs of columns.
+    pub(super) energies: Vec<f64>,
+    /// rᵀp of each column, p the last step.
+    pub(super) along: Vec<f64>,
+    /// Σ (Kx)² over free rows, which is Σ r², and over fixed rows, of each column.
+    pub(super) residual: Vec<f64>,
+    pub(super) charge: Vec<f64>,
+}
