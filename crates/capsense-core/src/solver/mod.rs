@@ -2,13 +2,17 @@
 
 mod aggregation;
 mod energy_error;
+mod field_solver;
 mod islands;
 mod lattice;
+mod old_error;
+mod old_pcg;
+mod operator;
 mod pcg;
 mod preconditioner;
 
 pub(crate) use islands::CONTRAST;
-pub use pcg::Pcg;
+pub(crate) use field_solver::FieldSolver;
 pub use preconditioner::Preconditioner;
 
 /// When to stop, and how to get there.

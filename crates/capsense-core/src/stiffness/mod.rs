@@ -58,10 +58,13 @@ struct WeightedLink {
 
 impl StiffnessMatrix {
     /// Builds the matrix of a network without objects.
-    pub fn new(network: EdgeNetwork, nodes: usize) -> Self {
+    /// That of a lattice is kept without indices if `as_lattice`.
+    pub fn new(network: EdgeNetwork, nodes: usize, as_lattice: bool) -> Self {
         let values = match network.edges() {
-            Edges::Lattice(lattice) => Values::Lattice(LatticeValues::new(lattice, network.weights())),
-            edges @ Edges::List(_) => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
+            Edges::Lattice(lattice) if as_lattice => {
+                Values::Lattice(LatticeValues::new(lattice, network.weights()))
+            }
+            edges => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
         };
         let mut matrix = Self {
             network,
@@ -183,6 +186,32 @@ impl StiffnessMatrix {
     /// Sum of the weights of a node's links to objects.
     pub fn link_weight(&self, node: usize) -> f64 {
         self.link_sums[node]
+    }
+
+    /// Links from nodes to objects: node, object, weight.
+    pub(crate) fn object_links(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.links.iter().map(|link| (link.node as usize, link.object_row as usize - self.nodes, link.weight))
+    }
+
+    /// Visits the two rows and the weight of every edge and of every link.
+    pub(crate) fn for_each_weight(&self, mut visit: impl FnMut([usize; 2], f64)) {
+        for edge in 0..self.network.edges().len() {
+            if let Some([a, b]) = self.network.edges().ends(edge) {
+                let weight = match &self.values {
+                    Values::Lattice(values) => values.weight(edge / 3, edge % 3),
+                    Values::Csr(values) => values.weight(edge),
+                };
+                visit([a as usize, b as usize], weight);
+            }
+        }
+        for link in &self.links {
+            visit([link.node as usize, link.object_row as usize], link.weight);
+        }
+    }
+
+    /// Whether this is the matrix of a lattice, without indices.
+    pub(crate) fn is_lattice(&self) -> bool {
+        matches!(self.values, Values::Lattice(_))
     }
 
     /// Rows that the last update recomputed; all rows of a new matrix.
