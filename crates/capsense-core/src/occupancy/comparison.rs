@@ -1,0 +1,221 @@
+//! Where two depth images of one object may give different answers.
+//!
+//! The answer for a point depends on its pixel and the eight pixels around it. As long as its pixel sees the object,
+//! it changes only between the lowest and the highest place at which the interpolated surface was or is. What lies to
+//! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
+
+use super::DepthLayers;
+use crate::geometry::Aabb;
+use std::ops::Range;
+
+const FRONT: usize = 0;
+const BACK: usize = 1;
+
+/// One surface in both images.
+type Pair<'a> = [&'a [f32]; 2];
+
+/// Working storage for one comparison. The elements of arrays are for the front and the back.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Comparison {
+    differences: [Difference; 2],
+    stacks: [BoxStack; 2],
+}
+
+impl Comparison {
+    /// Appends boxes around all that may differ between two comparable images of an object.
+    pub(super) fn find(&mut self, object: usize, images: [&DepthLayers; 2], regions: &mut Vec<Aabb>) {
+        let image = images[0];
+        let (width, height) = (image.view().width, image.view().height);
+        let pairs = [images.map(|image| image.front(object)), images.map(|image| image.back(object))];
+        for (difference, pair) in self.differences.iter_mut().zip(pairs) {
+            difference.mark(width, pair);
+        }
+        for row in 0..height {
+            let around = row.saturating_sub(1)..(row + 2).min(height);
+            let differs = self.differences.iter().any(|of| of.rows[around.clone()].contains(&true));
+            if differs {
+                for (difference, pair) in self.differences.iter_mut().zip(pairs) {
+                    difference.gather(width, around.clone(), pair);
+                }
+            }
+            let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..width]));
+            let strip = Strip { differences: &self.differences, own, jump: image.jump() };
+            for (side, stack) in self.stacks.iter_mut().enumerate() {
+                for column in 0..if differs { width } else { 0 } {
+                    if let Some(depths) = strip.may_differ(side, column) {
+                        stack.add(column, row, depths, image.pixel_width());
+                    }
+                }
+                stack.end_row(image.pixel_width());
+            }
+        }
+        for stack in &mut self.stacks {
+            stack.end_row(image.pixel_width());
+            regions.extend(stack.done.drain(..).map(|b| image.pixel_box(b.columns, b.rows, b.depths)));
+        }
+    }
+}
+
+/// Where one surface differs.
+#[derive(Clone, Debug, Default)]
+struct Difference {
+    pixels: Vec<bool>,
+    rows: Vec<bool>,
+    /// For each column, whether one of three rows differs, and the lowest and highest depth there in either image.
+    nearby: Vec<bool>,
+    low: Vec<f32>,
+    high: Vec<f32>,
+}
+
+impl Difference {
+    /// Marks pixels and rows that are not the same bit for bit.
+    fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
+        self.pixels.clear();
+        self.pixels.resize(now.len(), false);
+        self.rows.clear();
+        let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
+        for ((before, now), pixels) in rows.zip(self.pixels.chunks_exact_mut(width)) {
+            let bits = before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits());
+            let differs = bits.clone().fold(0, |all, bits| all | bits) != 0;
+            if differs {
+                pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits != 0);
+            }
+            self.rows.push(differs);
+        }
+    }
+
+    /// Takes together some rows.
+    fn gather(&mut self, width: usize, rows: Range<usize>, pair: Pair<'_>) {
+        self.nearby.clear();
+        self.nearby.resize(width, false);
+        self.low.clear();
+        self.low.resize(width, f32::INFINITY);
+        self.high.clear();
+        self.high.resize(width, f32::NEG_INFINITY);
+        for row in rows {
+            let columns = row * width..(row + 1) * width;
+            for (nearby, pixel) in self.nearby.iter_mut().zip(&self.pixels[columns.clone()]) {
+                *nearby |= pixel;
+            }
+            for surface in pair {
+                let depths = self.low.iter_mut().zip(&mut self.high).zip(&surface[columns.clone()]);
+                for ((low, high), &depth) in depths {
+                    let [shallow, deep] = interval(depth);
+                    *low = if shallow < *low { shallow } else { *low };
+                    *high = if deep > *high { deep } else { *high };
+                }
+            }
+        }
+    }
+
+    fn differs_near(&self, columns: Range<usize>) -> bool {
+        self.nearby[columns].contains(&true)
+    }
+
+    /// The interval around all that interpolation may make of a pixel's depths in both images: values between those of
+    /// its neighbours that are no jump away.
+    fn depths_near(&self, columns: Range<usize>, own: [f32; 2], jump: f32) -> [f32; 2] {
+        let [low, high] = own.map(interval).into_iter().fold(NOWHERE, hull);
+        let lowest = self.low[columns.clone()].iter().fold(f32::INFINITY, |low, &z| low.min(z));
+        let highest = self.high[columns].iter().fold(f32::NEG_INFINITY, |high, &z| high.max(z));
+        [lowest.max(low - jump), highest.min(high + jump)]
+    }
+}
+
+/// A row of both images, with what is around it.
+struct Strip<'a> {
+    differences: &'a [Difference; 2],
+    own: [Pair<'a>; 2],
+    jump: f32,
+}
+
+impl Strip<'_> {
+    /// Depths between which answers may differ in a pixel because of its front, or because of its back. Pixels that see
+    /// the object in one of the images only count with the front.
+    fn may_differ(&self, side: usize, column: usize) -> Option<[f32; 2]> {
+        let near = column.saturating_sub(1)..(column + 2).min(self.own[FRONT][0].len());
+        let sees = |image: usize| self.own[FRONT][image][column] <= self.own[BACK][image][column];
+        let depths = |side: usize| {
+            let own = self.own[side].map(|surface| surface[column]);
+            self.differences[side].depths_near(near.clone(), own, self.jump)
+        };
+        match (sees(0), sees(1)) {
+            (true, true) => self.differences[side].differs_near(near.clone()).then(|| depths(side)),
+            (false, false) => None,
+            _ => (side == FRONT).then(|| [depths(FRONT)[0], depths(BACK)[1]]),
+        }
+    }
+}
+
+/// Columns and rows from the first up to, without, the second, between two depths.
+#[derive(Clone, Copy, Debug)]
+struct PixelBox {
+    columns: [usize; 2],
+    rows: [usize; 2],
+    depths: [f32; 2],
+}
+
+/// Puts pixels together to boxes: first those next to each other in a row, then equal runs of successive rows.
+#[derive(Clone, Debug, Default)]
+struct BoxStack {
+    run: Option<PixelBox>,
+    /// Boxes that end at the row before, in the order of their columns; those up to `passed` grow no more.
+    growing: Vec<PixelBox>,
+    passed: usize,
+    grown: Vec<PixelBox>,
+    done: Vec<PixelBox>,
+}
+
+impl BoxStack {
+    /// Adds a pixel; columns come in increasing order.
+    fn add(&mut self, column: usize, row: usize, depths: [f32; 2], slack: f32) {
+        if let Some(run) = &mut self.run
+            && run.columns[1] == column
+            && let Some(depths) = joined(run.depths, depths, slack)
+        {
+            *run = PixelBox { columns: [run.columns[0], column + 1], depths, ..*run };
+        } else {
+            self.end_run(slack);
+            self.run = Some(PixelBox { columns: [column, column + 1], rows: [row, row + 1], depths });
+        }
+    }
+
+    fn end_run(&mut self, slack: f32) {
+        let Some(mut run) = self.run.take() else { return };
+        while let Some(&below) = self.growing.get(self.passed).filter(|b| b.columns[0] <= run.columns[0]) {
+            self.passed += 1;
+            match joined(below.depths, run.depths, slack).filter(|_| below.columns == run.columns) {
+                Some(depths) => run = PixelBox { rows: [below.rows[0], run.rows[1]], depths, ..run },
+                None => self.done.push(below),
+            }
+        }
+        self.grown.push(run);
+    }
+
+    /// The next pixel will be in the next row.
+    fn end_row(&mut self, slack: f32) {
+        self.end_run(slack);
+        self.done.extend(&self.growing[self.passed..]);
+        self.growing.clear();
+        self.passed = 0;
+        std::mem::swap(&mut self.growing, &mut self.grown);
+    }
+}
+
+const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// A depth as an interval; that of a ray which misses is empty.
+fn interval(depth: f32) -> [f32; 2] {
+    if depth.is_finite() { [depth, depth] } else { NOWHERE }
+}
+
+fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// The interval around two, if it is not much longer than the longer one.
+fn joined(a: [f32; 2], b: [f32; 2], slack: f32) -> Option<[f32; 2]> {
+    let joined = hull(a, b);
+    let length = |[low, high]: [f32; 2]| high - low;
+    (length(joined) <= length(a).max(length(b)) + slack).then_some(joined)
+}

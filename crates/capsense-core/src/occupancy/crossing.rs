@@ -1,0 +1,185 @@
+//! Where a segment crosses the surfaces of a depth image.
+//!
+//! Between pixel centres the surfaces are interpolated bilinearly; at silhouettes and depth jumps the pixel's own value
+//! holds up to its border, so that no jump is taken for a surface. Every answer is a function of the segment and of
+//! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
+
+use super::{DepthLayers, Span};
+use glam::{DVec2, DVec3};
+
+/// Neighbouring depths further apart than this many pixel widths belong to different surfaces.
+pub(super) const JUMP_IN_PIXELS: f64 = 4.0;
+
+/// Rounding moves no border and no surface by more than this many pixel widths.
+pub(super) const MARGIN_IN_PIXELS: f64 = 1e-3;
+
+/// Front and back of an object over a quarter of a pixel.
+struct Quarter {
+    /// Centre of the pixel, in pixels.
+    centre: DVec2,
+    /// Depths at that centre, at those of the neighbours in its row and its column, and of the one across.
+    front: [f64; 4],
+    back: [f64; 4],
+}
+
+impl Quarter {
+    /// Front and back at a point of the quarter.
+    fn at(&self, uv: DVec2) -> [f64; 2] {
+        let offset = (uv - self.centre).abs();
+        [self.front, self.back].map(|z| {
+            let along = |a: f64, b: f64| a + (b - a) * offset.x;
+            let (near, far) = (along(z[0], z[1]), along(z[2], z[3]));
+            near + (far - near) * offset.y
+        })
+    }
+
+    /// The part of a segment that is behind the front and before the back. Both are taken as straight lines between
+    /// its ends, which lie in the quarter, at parameters `t` of the whole.
+    fn span(&self, ends: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+        let at_start = self.at(ends[0]);
+        let at_end = if ends[0] == ends[1] { at_start } else { self.at(ends[1]) };
+        let depth_inside = |z: f64, [front, back]: [f64; 2]| [z - front, back - z];
+        let (at_start, at_end) = (depth_inside(z[0], at_start), depth_inside(z[1], at_end));
+        let mut part = [0.0, 1.0];
+        for side in 0..2 {
+            let (s, e) = (at_start[side], at_end[side]);
+            match (s > 0.0, e > 0.0) {
+                (true, true) => {}
+                (false, false) => return None,
+                (true, false) => part[1] = f64::min(part[1], s / (s - e)),
+                (false, true) => part[0] = f64::max(part[0], s / (s - e)),
+            }
+        }
+        let length = t[1] - t[0];
+        (part[0] < part[1]).then(|| Span { enter: t[0] + part[0] * length, exit: t[0] + part[1] * length })
+    }
+}
+
+impl DepthLayers {
+    pub(super) fn is_inside(&self, object: usize, point: DVec3) -> bool {
+        let uv = self.pixel_coordinates(point);
+        let surfaces = self.quarter(object, uv).map(|quarter| quarter.at(uv));
+        surfaces.is_some_and(|[front, back]| front < point.z && point.z < back)
+    }
+
+    /// Walks the segment from one half pixel to the next: within one, the same pixel is hit or missed and the same
+    /// four depths are interpolated.
+    pub(super) fn span_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        let uv = [a, b].map(|point| self.pixel_coordinates(point));
+        let z_at = |t: f64| a.z + (b.z - a.z) * t;
+        let mut borders = HalfPixelBorders::between(uv);
+        let mut found: Option<Span> = None;
+        let mut start = 0.0;
+        while start < 1.0 {
+            let end = borders.next_after(start);
+            let quarter = self.quarter(object, uv[0].lerp(uv[1], 0.5 * (start + end)));
+            let ends = [start, end].map(|t| uv[0].lerp(uv[1], t));
+            let piece = quarter.and_then(|quarter| quarter.span(ends, [start, end].map(z_at), [start, end]));
+            if let Some(piece) = piece {
+                found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
+            }
+            start = end;
+        }
+        found
+    }
+
+    /// The quarter pixel around a point; `None` where its pixel misses the object or is outside of the image.
+    fn quarter(&self, object: usize, uv: DVec2) -> Option<Quarter> {
+        let (width, height) = (self.view().width, self.view().height);
+        let (column, across) = pixel_at(uv.x, width)?;
+        let (row, up) = pixel_at(uv.y, height)?;
+        let own = row * width + column;
+        let (fronts, backs) = (self.front(object), self.back(object));
+        if fronts[own] > backs[own] {
+            return None;
+        }
+        let centre = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let alone = |layer: &[f32]| [f64::from(layer[own]); 4];
+        let (Some(next_column), Some(next_row)) = (across, up) else {
+            return Some(Quarter { centre, front: alone(fronts), back: alone(backs) });
+        };
+        let corners =
+            [own, row * width + next_column, next_row * width + column, next_row * width + next_column];
+        let jump = self.jump();
+        let smooth = |layer: &[f32]| {
+            let z = corners.map(|corner| layer[corner]);
+            let (low, high) = (z[0].min(z[1]).min(z[2].min(z[3])), z[0].max(z[1]).max(z[2].max(z[3])));
+            if high - low <= jump { z.map(f64::from) } else { alone(layer) }
+        };
+        Some(Quarter { centre, front: smooth(fronts), back: smooth(backs) })
+    }
+}
+
+/// Along one axis, the pixel at a coordinate and, if there is one, the next pixel on the nearer side. Coordinates on
+/// the rim of the image are in it, others outside are in none.
+fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, Option<usize>)> {
+    let end = count as f64;
+    if !(-MARGIN_IN_PIXELS..=end + MARGIN_IN_PIXELS).contains(&coordinate) {
+        return None;
+    }
+    let pixel = (coordinate.max(0.0) as usize).min(count - 1);
+    let before_centre = coordinate < pixel as f64 + 0.5;
+    let next =
+        if before_centre { pixel.checked_sub(1) } else { Some(pixel + 1).filter(|&next| next < count) };
+    Some((pixel, next))
+}
+
+/// The parameters at which a line crosses multiples of half a pixel, in order.
+struct HalfPixelBorders {
+    axes: [AxisBorders; 2],
+}
+
+/// Those along one axis.
+struct AxisBorders {
+    from: f64,
+    /// Parameter for each pixel.
+    inverse: f64,
+    /// The next border, in half pixels, and the one behind the last.
+    next: i32,
+    end: i32,
+    direction: i32,
+}
+
+impl HalfPixelBorders {
+    fn between([a, b]: [DVec2; 2]) -> Self {
+        let axes = [(a.x, b.x), (a.y, b.y)].map(|(from, to)| {
+            let (first, last) = (floor(2.0 * from), floor(2.0 * to));
+            let (next, end, direction) =
+                if first <= last { (first + 1, last + 1, 1) } else { (first, last, -1) };
+            let inverse = if next == end { 0.0 } else { 1.0 / (to - from) };
+            AxisBorders { from, inverse, next, end, direction }
+        });
+        Self { axes }
+    }
+
+    /// The next crossing after a parameter; 1 after the last.
+    fn next_after(&mut self, t: f64) -> f64 {
+        loop {
+            let crossings = [&self.axes[0], &self.axes[1]].map(AxisBorders::crossing);
+            let axis = usize::from(crossings[1] < crossings[0]);
+            if crossings[axis] >= 1.0 {
+                return 1.0;
+            }
+            self.axes[axis].next += self.axes[axis].direction;
+            if crossings[axis] > t {
+                return crossings[axis];
+            }
+        }
+    }
+}
+
+impl AxisBorders {
+    /// Where the next border is crossed; beyond the end of the line if there is none.
+    fn crossing(&self) -> f64 {
+        if self.next == self.end {
+            return f64::INFINITY;
+        }
+        (0.5 * f64::from(self.next) - self.from) * self.inverse
+    }
+}
+
+/// The largest whole number not above a value, which a pixel coordinate always is near enough to zero to have.
+fn floor(value: f64) -> i32 {
+    let towards_zero = value as i32;
+    towards_zero - i32::from(value < f64::from(towards_zero))
+}
