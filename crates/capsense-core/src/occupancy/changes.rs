@@ -18,33 +18,34 @@ pub(super) struct Changes {
 
 impl Changes {
     /// Compares the surfaces of a new frame with those of the frame before.
-    pub(super) fn find(&mut self, materials: &[Material], surfaces: &impl Surfaces) {
+    pub(super) fn find(&mut self, materials: &[Material], surfaces: &dyn Surfaces) {
         self.regions.clear();
         let image = surfaces.depth_image();
         let before = self.image.as_ref().filter(|_| self.materials == materials);
         let pair = image.zip(before).filter(|(now, before)| now.is_comparable_to(before));
-        match pair {
-            Some((now, before)) => {
-                for object in 0..materials.len() {
-                    self.comparison.find(object, [before, now], &mut self.regions);
+        if let Some((now, before)) = pair {
+            let mut differs = false;
+            for (object, bounds) in self.bounds.iter_mut().enumerate() {
+                if self.comparison.find(object, [before, now], &mut self.regions) {
+                    *bounds = now.bounds(object);
+                    differs = true;
                 }
             }
-            None => self.regions.extend(&self.bounds),
-        }
-        self.bounds.clear();
-        self.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
-        if pair.is_none() {
+            if differs && let Some(before) = &mut self.image {
+                before.copy_from(now);
+            }
+        } else {
+            self.regions.extend(&self.bounds);
+            self.bounds.clear();
+            self.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
             self.regions.extend(&self.bounds);
             self.regions.retain(|region| region.min.cmple(region.max).all());
             self.materials.clear();
             self.materials.extend(materials);
+            self.image = image.cloned();
         }
         // From below, so that what is met on the way mostly is met in order.
         self.regions.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
-        match (image, &mut self.image) {
-            (Some(now), Some(before)) if now.is_comparable_to(before) => before.copy_from(now),
-            (now, before) => *before = now.cloned(),
-        }
     }
 
     /// Where each object is.

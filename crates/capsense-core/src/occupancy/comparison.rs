@@ -5,6 +5,7 @@
 //! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
 
 use super::DepthLayers;
+use super::crossing::{NOWHERE, hull};
 use crate::geometry::Aabb;
 use std::ops::Range;
 
@@ -22,26 +23,28 @@ pub(super) struct Comparison {
 }
 
 impl Comparison {
-    /// Appends boxes around all that may differ between two comparable images of an object.
-    pub(super) fn find(&mut self, object: usize, images: [&DepthLayers; 2], regions: &mut Vec<Aabb>) {
+    /// Appends boxes around all that may differ between two comparable images of an object, and says whether the images
+    /// differ at all.
+    pub(super) fn find(&mut self, object: usize, images: [&DepthLayers; 2], regions: &mut Vec<Aabb>) -> bool {
         let image = images[0];
         let (width, height) = (image.view().width, image.view().height);
         let pairs = [images.map(|image| image.front(object)), images.map(|image| image.back(object))];
         for (difference, pair) in self.differences.iter_mut().zip(pairs) {
             difference.mark(width, pair);
         }
+        if self.differences.iter().all(|of| of.rows.iter().all(|[first, end]| first >= end)) {
+            return false;
+        }
         for row in 0..height {
             let around = row.saturating_sub(1)..(row + 2).min(height);
-            let differs = self.differences.iter().any(|of| of.rows[around.clone()].contains(&true));
-            if differs {
-                for (difference, pair) in self.differences.iter_mut().zip(pairs) {
-                    difference.gather(width, around.clone(), pair);
-                }
+            let columns = self.columns_near(around.clone(), width);
+            for (difference, pair) in self.differences.iter_mut().zip(pairs) {
+                difference.gather(width, columns.clone(), around.clone(), pair);
             }
             let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..width]));
             let strip = Strip { differences: &self.differences, own, jump: image.jump() };
             for (side, stack) in self.stacks.iter_mut().enumerate() {
-                for column in 0..if differs { width } else { 0 } {
+                for column in columns.clone() {
                     if let Some(depths) = strip.may_differ(side, column) {
                         stack.add(column, row, depths, image.pixel_width());
                     }
@@ -53,6 +56,14 @@ impl Comparison {
             stack.end_row(image.pixel_width());
             regions.extend(stack.done.drain(..).map(|b| image.pixel_box(b.columns, b.rows, b.depths)));
         }
+        true
+    }
+
+    /// Columns beside which something differs in some rows.
+    fn columns_near(&self, rows: Range<usize>, width: usize) -> Range<usize> {
+        let differing = self.differences.iter().flat_map(|of| &of.rows[rows.clone()]);
+        let [first, end] = differing.fold([width, 0], |[a, b], [c, d]| [a.min(*c), b.max(*d)]);
+        if first < end { first.saturating_sub(1)..(end + 1).min(width) } else { 0..0 }
     }
 }
 
@@ -60,8 +71,10 @@ impl Comparison {
 #[derive(Clone, Debug, Default)]
 struct Difference {
     pixels: Vec<bool>,
-    rows: Vec<bool>,
-    /// For each column, whether one of three rows differs, and the lowest and highest depth there in either image.
+    /// The columns that differ in each row lie from the first up to, without, the second.
+    rows: Vec<[usize; 2]>,
+    /// For the columns at hand and those beside them: whether one of three rows differs, and the lowest and highest
+    /// depth there in either image.
     nearby: Vec<bool>,
     low: Vec<f32>,
     high: Vec<f32>,
@@ -72,33 +85,42 @@ impl Difference {
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
         self.pixels.clear();
         self.pixels.resize(now.len(), false);
+        self.nearby.resize(width, false);
+        self.low.resize(width, 0.0);
+        self.high.resize(width, 0.0);
         self.rows.clear();
         let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
         for ((before, now), pixels) in rows.zip(self.pixels.chunks_exact_mut(width)) {
             let bits = before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits());
-            let differs = bits.clone().fold(0, |all, bits| all | bits) != 0;
-            if differs {
-                pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits != 0);
+            if bits.clone().fold(0, |all, bits| all | bits) == 0 {
+                self.rows.push([width, 0]);
+                continue;
             }
-            self.rows.push(differs);
+            pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits != 0);
+            let first = pixels.iter().position(|&differs| differs).unwrap_or(width);
+            let last = pixels.iter().rposition(|&differs| differs).map_or(0, |last| last + 1);
+            self.rows.push([first, last]);
         }
     }
 
     /// Takes together some rows.
-    fn gather(&mut self, width: usize, rows: Range<usize>, pair: Pair<'_>) {
-        self.nearby.clear();
-        self.nearby.resize(width, false);
-        self.low.clear();
-        self.low.resize(width, f32::INFINITY);
-        self.high.clear();
-        self.high.resize(width, f32::NEG_INFINITY);
+    fn gather(&mut self, width: usize, columns: Range<usize>, rows: Range<usize>, pair: Pair<'_>) {
+        if columns.is_empty() {
+            return;
+        }
+        let columns = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
+        let nearby = &mut self.nearby[columns.clone()];
+        let (low, high) = (&mut self.low[columns.clone()], &mut self.high[columns.clone()]);
+        nearby.fill(false);
+        low.fill(f32::INFINITY);
+        high.fill(f32::NEG_INFINITY);
         for row in rows {
-            let columns = row * width..(row + 1) * width;
-            for (nearby, pixel) in self.nearby.iter_mut().zip(&self.pixels[columns.clone()]) {
+            let pixels = row * width + columns.start..row * width + columns.end;
+            for (nearby, pixel) in nearby.iter_mut().zip(&self.pixels[pixels.clone()]) {
                 *nearby |= pixel;
             }
             for surface in pair {
-                let depths = self.low.iter_mut().zip(&mut self.high).zip(&surface[columns.clone()]);
+                let depths = low.iter_mut().zip(high.iter_mut()).zip(&surface[pixels.clone()]);
                 for ((low, high), &depth) in depths {
                     let [shallow, deep] = interval(depth);
                     *low = if shallow < *low { shallow } else { *low };
@@ -116,8 +138,8 @@ impl Difference {
     /// its neighbours that are no jump away.
     fn depths_near(&self, columns: Range<usize>, own: [f32; 2], jump: f32) -> [f32; 2] {
         let [low, high] = own.map(interval).into_iter().fold(NOWHERE, hull);
-        let lowest = self.low[columns.clone()].iter().fold(f32::INFINITY, |low, &z| low.min(z));
-        let highest = self.high[columns].iter().fold(f32::NEG_INFINITY, |high, &z| high.max(z));
+        let around = self.low[columns.clone()].iter().zip(&self.high[columns]);
+        let [lowest, highest] = around.fold(NOWHERE, |all, (&low, &high)| hull(all, [low, high]));
         [lowest.max(low - jump), highest.min(high + jump)]
     }
 }
@@ -202,15 +224,13 @@ impl BoxStack {
     }
 }
 
-const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
-
 /// A depth as an interval; that of a ray which misses is empty.
 fn interval(depth: f32) -> [f32; 2] {
-    if depth.is_finite() { [depth, depth] } else { NOWHERE }
-}
-
-fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    [a[0].min(b[0]), a[1].max(b[1])]
+    let [nowhere_low, nowhere_high] = NOWHERE;
+    [
+        if depth == f32::NEG_INFINITY { nowhere_low } else { depth },
+        if depth == f32::INFINITY { nowhere_high } else { depth },
+    ]
 }
 
 /// The interval around two, if it is not much longer than the longer one.

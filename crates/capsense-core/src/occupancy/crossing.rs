@@ -6,12 +6,27 @@
 
 use super::{DepthLayers, Span};
 use glam::{DVec2, DVec3};
+use std::ops::Range;
 
 /// Neighbouring depths further apart than this many pixel widths belong to different surfaces.
 pub(super) const JUMP_IN_PIXELS: f64 = 4.0;
 
 /// Rounding moves no border and no surface by more than this many pixel widths.
 pub(super) const MARGIN_IN_PIXELS: f64 = 1e-3;
+
+/// Where something lies as a whole.
+enum Side {
+    Inside,
+    Outside,
+}
+
+/// No depths, as an interval.
+pub(super) const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// The interval around two.
+pub(super) fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]
+}
 
 /// Front and back of an object over a quarter of a pixel.
 struct Quarter {
@@ -24,6 +39,7 @@ struct Quarter {
 
 impl Quarter {
     /// Front and back at a point of the quarter.
+    #[inline]
     fn at(&self, uv: DVec2) -> [f64; 2] {
         let offset = (uv - self.centre).abs();
         [self.front, self.back].map(|z| {
@@ -35,6 +51,7 @@ impl Quarter {
 
     /// The part of a segment that is behind the front and before the back. Both are taken as straight lines between
     /// its ends, which lie in the quarter, at parameters `t` of the whole.
+    #[inline]
     fn span(&self, ends: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
         let at_start = self.at(ends[0]);
         let at_end = if ends[0] == ends[1] { at_start } else { self.at(ends[1]) };
@@ -50,8 +67,9 @@ impl Quarter {
                 (false, true) => part[0] = f64::max(part[0], s / (s - e)),
             }
         }
-        let length = t[1] - t[0];
-        (part[0] < part[1]).then(|| Span { enter: t[0] + part[0] * length, exit: t[0] + part[1] * length })
+        // Exactly the end where there is no crossing, so that the whole of an edge inside is [0, 1] in any pieces.
+        let at = |part: f64| if part == 1.0 { t[1] } else { t[0] + part * (t[1] - t[0]) };
+        (part[0] < part[1]).then(|| Span { enter: at(part[0]), exit: at(part[1]) })
     }
 }
 
@@ -68,6 +86,13 @@ impl DepthLayers {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
         let z_at = |t: f64| a.z + (b.z - a.z) * t;
         let mut borders = HalfPixelBorders::between(uv);
+        if borders.count() > 1 {
+            match self.side_of_all(object, uv, [a.z.min(b.z), a.z.max(b.z)]) {
+                Some(Side::Inside) => return Some(Span { enter: 0.0, exit: 1.0 }),
+                Some(Side::Outside) => return None,
+                None => {}
+            }
+        }
         let mut found: Option<Span> = None;
         let mut start = 0.0;
         while start < 1.0 {
@@ -83,7 +108,33 @@ impl DepthLayers {
         found
     }
 
+    /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of an
+    /// object, by such a margin that walking along the segment finds the same.
+    fn side_of_all(&self, object: usize, [a, b]: [DVec2; 2], [low, high]: [f64; 2]) -> Option<Side> {
+        let (width, height) = (self.view().width, self.view().height);
+        let (columns, all_columns) = pixels_around(a.x.min(b.x), a.x.max(b.x), width);
+        let (rows, all_rows) = pixels_around(a.y.min(b.y), a.y.max(b.y), height);
+        let (mut front, mut back) = (NOWHERE, NOWHERE);
+        for row in rows {
+            let pixels = row * width + columns.start..row * width + columns.end;
+            front = self.front(object)[pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
+            back = self.back(object)[pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
+        }
+        let margin = MARGIN_IN_PIXELS * f64::from(self.pixel_width()) + 1e-9 * (low.abs() + high.abs());
+        let ([first_front, last_front], [first_back, last_back]) =
+            (front.map(f64::from), back.map(f64::from));
+        if high < first_front - margin || low > last_back + margin {
+            Some(Side::Outside)
+        } else if all_columns && all_rows && low > last_front + margin && high < first_back - margin {
+            // Rays that miss have their front at the far end, so that none is among these.
+            Some(Side::Inside)
+        } else {
+            None
+        }
+    }
+
     /// The quarter pixel around a point; `None` where its pixel misses the object or is outside of the image.
+    #[inline]
     fn quarter(&self, object: usize, uv: DVec2) -> Option<Quarter> {
         let (width, height) = (self.view().width, self.view().height);
         let (column, across) = pixel_at(uv.x, width)?;
@@ -124,6 +175,14 @@ fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, Option<usize>)> {
     Some((pixel, next))
 }
 
+/// Along one axis, the pixels that an interval touches and their neighbours, and whether the interval is all in the
+/// image.
+fn pixels_around(low: f64, high: f64, count: usize) -> (Range<usize>, bool) {
+    let start = (low - 1.0 - MARGIN_IN_PIXELS).max(0.0) as usize;
+    let end = ((high + 2.0 + MARGIN_IN_PIXELS).max(0.0) as usize).min(count);
+    (start.min(end)..end, low >= 0.0 && high <= count as f64)
+}
+
 /// The parameters at which a line crosses multiples of half a pixel, in order.
 struct HalfPixelBorders {
     axes: [AxisBorders; 2],
@@ -150,6 +209,11 @@ impl HalfPixelBorders {
             AxisBorders { from, inverse, next, end, direction }
         });
         Self { axes }
+    }
+
+    /// Number of crossings.
+    fn count(&self) -> u32 {
+        self.axes.iter().map(|axis| axis.end.abs_diff(axis.next)).sum()
     }
 
     /// The next crossing after a parameter; 1 after the last.

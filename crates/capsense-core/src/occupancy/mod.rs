@@ -122,14 +122,14 @@ struct Scratch {
 }
 
 /// Where everything is in one frame.
-struct Scene<'a, S> {
+struct Scene<'a> {
     mesh: EdgeGeometry<'a>,
     materials: &'a [Material],
-    surfaces: &'a S,
+    surfaces: &'a dyn Surfaces,
     bounds: &'a [Aabb],
 }
 
-impl<S: Surfaces> Scene<'_, S> {
+impl Scene<'_> {
     fn is_conductor(&self, object: usize) -> bool {
         matches!(self.materials[object], Material::Conductor(_))
     }
@@ -207,7 +207,7 @@ impl Occupancy {
     /// Moves to the next frame, on the same mesh as all frames before. Of two conductors that overlap the first listed
     /// wins, a conductor wins over a dielectric, and nodes with a terminal keep it. Only nodes and edges near where an
     /// object's surface is another than in the frame before are visited.
-    pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &impl Surfaces) {
+    pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
         self.start_frame();
         self.changes.find(materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
@@ -246,7 +246,7 @@ impl Occupancy {
         self.changed_edges.clear();
     }
 
-    fn update_node<S: Surfaces>(&mut self, scene: &Scene<'_, S>, node: usize) {
+    fn update_node(&mut self, scene: &Scene<'_>, node: usize) {
         let holder = scene.holder(node);
         if holder != self.conductor[node] {
             self.conductor[node] = holder;
@@ -256,7 +256,7 @@ impl Occupancy {
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
-    fn update_edge<S: Surfaces>(&mut self, scene: &Scene<'_, S>, edge: usize, ends: [u32; 2]) -> bool {
+    fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
         let Scratch { spans, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
         if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
             return false;

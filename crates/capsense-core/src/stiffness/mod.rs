@@ -36,9 +36,33 @@ pub struct StiffnessMatrix {
     links: Vec<WeightedLink>,
     /// Sum of the weights of each node's links.
     link_sums: Vec<f64>,
-    dirty: Vec<bool>,
+    /// Nodes whose links are to be summed up anew.
+    relinked: NodeSet,
     /// Nodes in whose rows the last update changed values.
-    changed_rows: Vec<u32>,
+    changed_rows: NodeSet,
+}
+
+/// Some nodes, in the order in which they were added.
+#[derive(Clone, Debug)]
+struct NodeSet {
+    nodes: Vec<u32>,
+    contains: Vec<bool>,
+}
+
+impl NodeSet {
+    fn empty(nodes: usize) -> Self {
+        Self { nodes: Vec::new(), contains: vec![false; nodes] }
+    }
+
+    fn insert(&mut self, node: u32) {
+        if !std::mem::replace(&mut self.contains[node as usize], true) {
+            self.nodes.push(node);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.nodes.drain(..).for_each(|node| self.contains[node as usize] = false);
+    }
 }
 
 /// The current weights, stored as the mesh allows.
@@ -69,9 +93,10 @@ impl StiffnessMatrix {
             values,
             links: Vec::new(),
             link_sums: vec![0.0; nodes],
-            dirty: vec![true; nodes],
-            changed_rows: (0..nodes as u32).collect(),
+            relinked: NodeSet::empty(nodes),
+            changed_rows: NodeSet::empty(nodes),
         };
+        (0..nodes as u32).for_each(|node| matrix.changed_rows.insert(node));
         matrix.refresh_diagonal();
         matrix
     }
@@ -89,11 +114,12 @@ impl StiffnessMatrix {
                 self.set_weight(edge, ends, base * couplings[edge].through);
                 for (node, factor) in ends.into_iter().zip(couplings[edge].factor) {
                     if factor != 0.0 || self.link_sums[node as usize] != 0.0 {
-                        self.relink(node, couplings);
+                        self.relinked.insert(node);
                     }
                 }
             }
         }
+        self.sum_links(couplings);
         if !occupancy.changed_edges().is_empty() {
             self.collect_links(occupancy);
         }
@@ -112,22 +138,25 @@ impl StiffnessMatrix {
             Values::Lattice(values) => values.set_weight(edge, weight),
             Values::Csr(values) => values.set_weight(edge, weight),
         }
-        ends.into_iter().for_each(|node| self.mark(node));
+        ends.into_iter().for_each(|node| self.changed_rows.insert(node));
     }
 
-    /// Sums up the links at a node anew, always in the same order.
-    fn relink(&mut self, node: u32, couplings: &[Coupling]) {
-        let mut sum = 0.0;
-        self.network.edges().for_edges_at(node as usize, |edge, end| {
-            let base = self.network.weights()[edge];
-            if base > 0.0 {
-                sum += base * couplings[edge].factor[end];
+    /// Sums up the links at nodes anew, always in the same order.
+    fn sum_links(&mut self, couplings: &[Coupling]) {
+        let (edges, weights) = (self.network.edges(), self.network.weights());
+        for &node in &self.relinked.nodes {
+            let mut sum = 0.0;
+            edges.for_edges_at(node as usize, |edge, end| {
+                if weights[edge] > 0.0 {
+                    sum += weights[edge] * couplings[edge].factor[end];
+                }
+            });
+            if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
+                self.link_sums[node as usize] = sum;
+                self.changed_rows.insert(node);
             }
-        });
-        if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
-            self.link_sums[node as usize] = sum;
-            self.mark(node);
         }
+        self.relinked.clear();
     }
 
     fn collect_links(&mut self, occupancy: &Occupancy) {
@@ -144,18 +173,10 @@ impl StiffnessMatrix {
         }
     }
 
-    fn mark(&mut self, row: u32) {
-        if !std::mem::replace(&mut self.dirty[row as usize], true) {
-            self.changed_rows.push(row);
-        }
-    }
-
     fn refresh_diagonal(&mut self) {
-        for &row in &self.changed_rows {
-            let row = row as usize;
-            self.dirty[row] = false;
-            if let Values::Csr(values) = &mut self.values {
-                values.refresh_diagonal(row, self.link_sums[row]);
+        if let Values::Csr(values) = &mut self.values {
+            for &row in &self.changed_rows.nodes {
+                values.refresh_diagonal(row as usize, self.link_sums[row as usize]);
             }
         }
     }
@@ -221,7 +242,7 @@ impl StiffnessMatrix {
 
     /// Nodes whose rows hold other values since the last update, on the diagonal or beside it; all of a new matrix.
     pub fn changed_rows(&self) -> &[u32] {
-        &self.changed_rows
+        &self.changed_rows.nodes
     }
 
     /// y = K x, all columns at once, and the columns' energies xᵀKx.
