@@ -5,7 +5,7 @@
 //! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
 
 use super::DepthLayers;
-use super::crossing::{NOWHERE, hull};
+use super::crossing::{NOWHERE, hull, larger, smaller};
 use crate::geometry::Aabb;
 use std::ops::Range;
 
@@ -39,7 +39,7 @@ impl Comparison {
             let around = row.saturating_sub(1)..(row + 2).min(height);
             let columns = self.columns_near(around.clone(), width);
             for (difference, pair) in self.differences.iter_mut().zip(pairs) {
-                difference.gather(width, columns.clone(), around.clone(), pair);
+                difference.gather(width, &columns, around.clone(), pair);
             }
             let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..width]));
             let strip = Strip { differences: &self.differences, own, jump: image.jump() };
@@ -73,26 +73,40 @@ struct Difference {
     pixels: Vec<bool>,
     /// The columns that differ in each row lie from the first up to, without, the second.
     rows: Vec<[usize; 2]>,
-    /// For the columns at hand and those beside them: whether one of three rows differs, and the lowest and highest
-    /// depth there in either image.
-    nearby: Vec<bool>,
+    /// What is in each column of the row at hand and of those beside it. One more column stands before the first.
+    upright: Band,
+    /// What is in the eight pixels around each pixel of the row at hand, and in itself.
+    around: Band,
+}
+
+/// For each column, whether some pixels differ, and the lowest and the highest of their depths in either image.
+#[derive(Clone, Debug, Default)]
+struct Band {
+    differs: Vec<bool>,
     low: Vec<f32>,
     high: Vec<f32>,
+}
+
+impl Band {
+    fn resize(&mut self, columns: usize) {
+        self.differs.resize(columns, false);
+        self.low.resize(columns, NOWHERE[0]);
+        self.high.resize(columns, NOWHERE[1]);
+    }
 }
 
 impl Difference {
     /// Marks pixels and rows that are not the same bit for bit.
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
-        self.pixels.clear();
         self.pixels.resize(now.len(), false);
-        self.nearby.resize(width, false);
-        self.low.resize(width, 0.0);
-        self.high.resize(width, 0.0);
+        self.upright.resize(width + 2);
+        self.around.resize(width);
         self.rows.clear();
         let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
         for ((before, now), pixels) in rows.zip(self.pixels.chunks_exact_mut(width)) {
             let bits = before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits());
             if bits.clone().fold(0, |all, bits| all | bits) == 0 {
+                pixels.fill(false);
                 self.rows.push([width, 0]);
                 continue;
             }
@@ -103,44 +117,46 @@ impl Difference {
         }
     }
 
-    /// Takes together some rows.
-    fn gather(&mut self, width: usize, columns: Range<usize>, rows: Range<usize>, pair: Pair<'_>) {
+    /// Finds what is around the pixels of one row: first takes three rows together, then three columns.
+    fn gather(&mut self, width: usize, columns: &Range<usize>, rows: Range<usize>, pair: Pair<'_>) {
         if columns.is_empty() {
             return;
         }
-        let columns = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
-        let nearby = &mut self.nearby[columns.clone()];
-        let (low, high) = (&mut self.low[columns.clone()], &mut self.high[columns.clone()]);
-        nearby.fill(false);
-        low.fill(f32::INFINITY);
-        high.fill(f32::NEG_INFINITY);
+        let Band { differs, low, high } = &mut self.upright;
+        let padded = columns.start..columns.end + 2;
+        differs[padded.clone()].fill(false);
+        low[padded.clone()].fill(NOWHERE[0]);
+        high[padded.clone()].fill(NOWHERE[1]);
+        let beside = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
+        let padded_beside = beside.start + 1..beside.end + 1;
         for row in rows {
-            let pixels = row * width + columns.start..row * width + columns.end;
-            for (nearby, pixel) in nearby.iter_mut().zip(&self.pixels[pixels.clone()]) {
-                *nearby |= pixel;
-            }
+            let pixels = row * width + beside.start..row * width + beside.end;
+            let marks = differs[padded_beside.clone()].iter_mut().zip(&self.pixels[pixels.clone()]);
+            marks.for_each(|(differs, pixel)| *differs |= pixel);
             for surface in pair {
-                let depths = low.iter_mut().zip(high.iter_mut()).zip(&surface[pixels.clone()]);
-                for ((low, high), &depth) in depths {
-                    let [shallow, deep] = interval(depth);
-                    *low = if shallow < *low { shallow } else { *low };
-                    *high = if deep > *high { deep } else { *high };
+                let (low, high) = (&mut low[padded_beside.clone()], &mut high[padded_beside.clone()]);
+                let extremes = low.iter_mut().zip(high);
+                for ((low, high), &depth) in extremes.zip(&surface[pixels.clone()]) {
+                    [*low, *high] = hull([*low, *high], interval(depth));
                 }
             }
         }
-    }
-
-    fn differs_near(&self, columns: Range<usize>) -> bool {
-        self.nearby[columns].contains(&true)
+        for (around, three) in
+            self.around.differs[columns.clone()].iter_mut().zip(differs[padded.clone()].windows(3))
+        {
+            *around = three[0] | three[1] | three[2];
+        }
+        let lowest = self.around.low[columns.clone()].iter_mut().zip(low[padded.clone()].windows(3));
+        lowest.for_each(|(lowest, three)| *lowest = smaller(smaller(three[0], three[1]), three[2]));
+        let highest = self.around.high[columns.clone()].iter_mut().zip(high[padded].windows(3));
+        highest.for_each(|(highest, three)| *highest = larger(larger(three[0], three[1]), three[2]));
     }
 
     /// The interval around all that interpolation may make of a pixel's depths in both images: values between those of
     /// its neighbours that are no jump away.
-    fn depths_near(&self, columns: Range<usize>, own: [f32; 2], jump: f32) -> [f32; 2] {
-        let [low, high] = own.map(interval).into_iter().fold(NOWHERE, hull);
-        let around = self.low[columns.clone()].iter().zip(&self.high[columns]);
-        let [lowest, highest] = around.fold(NOWHERE, |all, (&low, &high)| hull(all, [low, high]));
-        [lowest.max(low - jump), highest.min(high + jump)]
+    fn depths_around(&self, column: usize, own: [f32; 2], jump: f32) -> [f32; 2] {
+        let [low, high] = hull(interval(own[0]), interval(own[1]));
+        [larger(self.around.low[column], low - jump), smaller(self.around.high[column], high + jump)]
     }
 }
 
@@ -155,14 +171,13 @@ impl Strip<'_> {
     /// Depths between which answers may differ in a pixel because of its front, or because of its back. Pixels that see
     /// the object in one of the images only count with the front.
     fn may_differ(&self, side: usize, column: usize) -> Option<[f32; 2]> {
-        let near = column.saturating_sub(1)..(column + 2).min(self.own[FRONT][0].len());
         let sees = |image: usize| self.own[FRONT][image][column] <= self.own[BACK][image][column];
         let depths = |side: usize| {
             let own = self.own[side].map(|surface| surface[column]);
-            self.differences[side].depths_near(near.clone(), own, self.jump)
+            self.differences[side].depths_around(column, own, self.jump)
         };
         match (sees(0), sees(1)) {
-            (true, true) => self.differences[side].differs_near(near.clone()).then(|| depths(side)),
+            (true, true) => self.differences[side].around.differs[column].then(|| depths(side)),
             (false, false) => None,
             _ => (side == FRONT).then(|| [depths(FRONT)[0], depths(BACK)[1]]),
         }
@@ -227,10 +242,9 @@ impl BoxStack {
 /// A depth as an interval; that of a ray which misses is empty.
 fn interval(depth: f32) -> [f32; 2] {
     let [nowhere_low, nowhere_high] = NOWHERE;
-    [
-        if depth == f32::NEG_INFINITY { nowhere_low } else { depth },
-        if depth == f32::INFINITY { nowhere_high } else { depth },
-    ]
+    let low = if depth == f32::NEG_INFINITY { nowhere_low } else { depth };
+    let high = if depth == f32::INFINITY { nowhere_high } else { depth };
+    [low, high]
 }
 
 /// The interval around two, if it is not much longer than the longer one.

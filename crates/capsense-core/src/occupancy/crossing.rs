@@ -25,7 +25,17 @@ pub(super) const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// The interval around two.
 pub(super) fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
-    [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]
+    [smaller(a[0], b[0]), larger(a[1], b[1])]
+}
+
+/// The smaller of two numbers; simpler than [`f32::min`], as neither is NaN.
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The larger of two numbers.
+pub(super) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
 }
 
 /// Front and back of an object over a quarter of a pixel.
@@ -86,6 +96,10 @@ impl DepthLayers {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
         let z_at = |t: f64| a.z + (b.z - a.z) * t;
         let mut borders = HalfPixelBorders::between(uv);
+        if borders.count() == 0 {
+            let quarter = self.quarter(object, uv[0])?;
+            return quarter.span(uv, [a.z, b.z], [0.0, 1.0]);
+        }
         if borders.count() > 1 {
             match self.side_of_all(object, uv, [a.z.min(b.z), a.z.max(b.z)]) {
                 Some(Side::Inside) => return Some(Span { enter: 0.0, exit: 1.0 }),

@@ -4,7 +4,7 @@
 //! the nearest and the farthest surface along each pixel's ray, so that objects behind each other do not merge and
 //! each has a thickness.
 
-use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS};
+use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
 use super::{Span, Surfaces};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
@@ -181,6 +181,14 @@ fn is_surface(front: f32, back: f32) -> bool {
     met | missed
 }
 
+/// The extreme one of some depths, found in lanes that do not wait for each other.
+fn reduce(depths: &[f32], start: f32, pick: impl Fn(f32, f32) -> f32) -> f32 {
+    let (chunks, rest) = depths.as_chunks::<16>();
+    let lanes =
+        chunks.iter().fold([start; 16], |lanes, chunk| std::array::from_fn(|i| pick(lanes[i], chunk[i])));
+    lanes.iter().chain(rest).fold(start, |extreme, &depth| pick(extreme, depth))
+}
+
 impl Surfaces for DepthLayers {
     fn objects(&self) -> usize {
         self.objects
@@ -215,8 +223,8 @@ impl Surfaces for DepthLayers {
         let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
         let (mut columns, mut seen_rows) = ([width, 0], [self.view.height, 0]);
         for (row, (fronts, backs)) in rows.enumerate() {
-            let nearest = fronts.iter().fold(f32::INFINITY, |low, &z| if z < low { z } else { low });
-            let farthest = backs.iter().fold(f32::NEG_INFINITY, |high, &z| if z > high { z } else { high });
+            let nearest = reduce(fronts, f32::INFINITY, smaller);
+            let farthest = reduce(backs, f32::NEG_INFINITY, larger);
             if nearest <= farthest {
                 (low, high) = (low.min(nearest), high.max(farthest));
                 seen_rows = [seen_rows[0].min(row), row + 1];

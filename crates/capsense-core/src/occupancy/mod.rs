@@ -273,7 +273,7 @@ impl Occupancy {
         };
         let coupling = rule.coupling(breaks);
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
-        let moved = ends.iter().any(|&node| node_changed[node as usize]);
+        let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
         if moved || !coupling.is(&before) {
             self.changed_edges.push(edge as u32);
         }
