@@ -97,8 +97,10 @@ impl Fields {
     /// error is measured against its own energy.
     pub(crate) fn forget_absent_objects(&mut self, occupancy: &Occupancy, electrodes: usize) {
         self.linked.fill(false);
-        for link in occupancy.links() {
-            self.linked[usize::from(link.object)] = true;
+        for &edge in occupancy.linked_edges() {
+            for (_, object, _) in occupancy.couplings()[edge as usize].links() {
+                self.linked[usize::from(object)] = true;
+            }
         }
         for (column, &terminal) in self.terminals.iter().enumerate().skip(electrodes) {
             let object = usize::from(terminal) - electrodes - 1;

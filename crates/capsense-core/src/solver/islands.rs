@@ -29,8 +29,8 @@ impl Islands {
     /// Finds the connected sets of free nodes that strong edges hold together.
     pub(super) fn find(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
         self.islands.clear();
-        let strong = |edge: usize| occupancy.through()[edge] >= CONTRAST;
-        if !(0..occupancy.through().len()).any(strong) {
+        let strong = |edge: usize| occupancy.couplings()[edge].through >= CONTRAST;
+        if !(0..occupancy.couplings().len()).any(strong) {
             return;
         }
         let edges = matrix.network().edges();
@@ -63,11 +63,11 @@ impl Islands {
             island.stiffness += matrix.link_weight(node);
         }
         let network = matrix.network();
-        for (edge, through) in occupancy.through().iter().enumerate() {
+        for (edge, coupling) in occupancy.couplings().iter().enumerate() {
             let ends = network.edges().ends(edge).map(|ends| ends.map(|node| roots[node as usize]));
             if let Some([a, b]) = ends.filter(|[a, b]| a != b) {
                 let base = network.weights()[edge];
-                let weight = if base > 0.0 { base * through } else { base };
+                let weight = if base > 0.0 { base * coupling.through } else { base };
                 for root in [a, b] {
                     if let Some(island) = self.islands.get_mut(island_of_root[root as usize] as usize) {
                         island.stiffness += weight;
