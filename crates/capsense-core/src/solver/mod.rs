@@ -2,11 +2,13 @@
 
 mod aggregation;
 mod energy_error;
+mod incomplete_cholesky;
 mod islands;
 mod lattice;
 mod pcg;
 mod preconditioner;
 
+pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub use pcg::Pcg;
 pub use preconditioner::Preconditioner;
