@@ -34,6 +34,12 @@ impl OrthographicView {
         self.domain.min.truncate() + self.pixel_size() * DVec2::new(column as f64 + 0.5, row as f64 + 0.5)
     }
 
+    /// Number of the pixel that a point is seen in, counted row by row; points outside get the nearest one.
+    pub(crate) fn pixel_of(&self, point: DVec3) -> usize {
+        let (column, row) = self.pixel_at(self.pixel_coordinates(point));
+        row * self.width + column
+    }
+
     /// Continuous pixel coordinates of a point; pixel k covers k..k+1.
     fn pixel_coordinates(&self, point: DVec3) -> DVec2 {
         (point.truncate() - self.domain.min.truncate()) / self.pixel_size()
