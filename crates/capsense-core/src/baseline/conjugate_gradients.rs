@@ -83,3 +83,72 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     sums.iter().sum::<f64>() + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPTIONS: CgOptions = CgOptions { relative_residual: 1e-6, max_iterations: 100 };
+
+    /// -1 on both sides of a diagonal that grows from `first`.
+    fn chain(rows: u32, first: f64) -> CompressedRows {
+        let (mut offsets, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+        for row in 0..rows {
+            let beside = [row.wrapping_sub(1), row, row + 1];
+            columns.extend(beside.iter().filter(|&&column| column < rows));
+            values.extend(beside.iter().filter(|&&column| column < rows).map(|&column| {
+                match column == row {
+                    true => first + f64::from(row),
+                    false => -1.0,
+                }
+            }));
+            offsets.push(columns.len() as u32);
+        }
+        CompressedRows { offsets, columns, values }
+    }
+
+    fn solve(matrix: &CompressedRows, b: &[f64], options: &CgOptions) -> Result<Vec<f64>, BaselineError> {
+        let mut cg = ConjugateGradients { r: b.to_vec(), ..ConjugateGradients::default() };
+        let mut x = vec![0.0; b.len()];
+        cg.solve(1, matrix, |r, z| z.copy_from_slice(r), &mut x, dot(b, b).sqrt(), options)?;
+        Ok(x)
+    }
+
+    fn recomputed_residual(matrix: &CompressedRows, b: &[f64], x: &[f64]) -> f64 {
+        let mut r = vec![0.0; b.len()];
+        matrix.apply(x, &mut r);
+        r.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
+        (dot(&r, &r) / dot(b, b)).sqrt()
+    }
+
+    #[test]
+    fn the_residual_asked_for_is_reached() {
+        let (matrix, b) = (chain(37, 2.1), [1.0; 37]);
+        let x = solve(&matrix, &b, &OPTIONS).unwrap();
+        assert!(recomputed_residual(&matrix, &b, &x) < 1.01e-6);
+    }
+
+    #[test]
+    fn the_residual_reported_is_the_one_recomputed() {
+        let (matrix, b) = (chain(37, 2.1), [1.0; 37]);
+        let mut cg = ConjugateGradients { r: b.to_vec(), ..ConjugateGradients::default() };
+        let mut x = vec![0.0; b.len()];
+        let few = CgOptions { max_iterations: 4, ..OPTIONS };
+        let result = cg.solve(1, &matrix, |r, z| z.copy_from_slice(r), &mut x, dot(&b, &b).sqrt(), &few);
+        let Err(BaselineError::NotConverged { column: 1, iterations: 4, residual }) = result else {
+            panic!("{result:?}");
+        };
+        assert!((residual / recomputed_residual(&matrix, &b, &x) - 1.0).abs() < 1e-9, "{residual}");
+    }
+
+    #[test]
+    fn breakdowns_are_told() {
+        let indefinite = solve(&chain(5, -3.0), &[1.0, 0.0, 0.0, 0.0, 0.0], &OPTIONS);
+        let Err(BaselineError::Indefinite { column: 1, iteration: 0, curvature }) = indefinite else {
+            panic!("{indefinite:?}");
+        };
+        assert_eq!(curvature, -3.0);
+        let infinite = solve(&chain(5, f64::INFINITY), &[1.0; 5], &OPTIONS);
+        assert_eq!(infinite, Err(BaselineError::NonFinite { column: 1, iteration: 0 }));
+    }
+}

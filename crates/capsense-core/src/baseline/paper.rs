@@ -165,6 +165,11 @@ impl<T: Precision> PaperMethod<T> {
         &self.capacitance
     }
 
+    /// The accumulated stiffness matrix over all nodes in the last frame, in metres times relative permittivity.
+    pub fn to_csr(&mut self) -> CsrMatrix<T> {
+        self.stiffness.to_csr()
+    }
+
     /// Relative permittivity of each element in the last frame, and which changed.
     pub fn occupancy(&self) -> &CentroidOccupancy {
         &self.occupancy
