@@ -116,8 +116,11 @@ impl Simulator {
         let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
         let occupancy = Occupancy::empty(nodes, network.edges().len());
-        let as_lattice = options.preconditioner == Preconditioner::Multigrid;
-        let matrix = StiffnessMatrix::new(network, nodes, as_lattice);
+        // Only multigrid has an operator of its own for lattices.
+        let matrix = match options.preconditioner {
+            Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
+            _ => StiffnessMatrix::in_rows(network, nodes),
+        };
         let mut fields = Fields::new(&sensor, &materials, &matrix, &options);
         fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());

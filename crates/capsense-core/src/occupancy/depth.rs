@@ -30,6 +30,13 @@ impl OrthographicView {
     pub fn pixel_centre(&self, column: usize, row: usize) -> DVec2 {
         self.domain.min.truncate() + self.pixel_size() * DVec2::new(column as f64 + 0.5, row as f64 + 0.5)
     }
+
+    /// Number of the pixel that a point is seen in, counted row by row; points outside get the nearest one.
+    pub(crate) fn pixel_of(&self, point: DVec3) -> usize {
+        let uv = (point.truncate() - self.domain.min.truncate()) / self.pixel_size();
+        let clamp = |value: f64, count: usize| (value.max(0.0) as usize).min(count - 1);
+        clamp(uv.y, self.height) * self.width + clamp(uv.x, self.width)
+    }
 }
 
 /// A depth that is NaN, or a layer whose back lies before its front.

@@ -3,6 +3,7 @@
 mod aggregation;
 mod energy_error;
 mod field_solver;
+mod incomplete_cholesky;
 mod islands;
 mod lattice;
 mod old_error;
@@ -11,6 +12,7 @@ mod operator;
 mod pcg;
 mod preconditioner;
 
+pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub(crate) use field_solver::FieldSolver;
 pub use preconditioner::Preconditioner;

@@ -53,10 +53,6 @@ impl CsrValues {
         }
     }
 
-    pub(super) fn weight(&self, edge: usize) -> f64 {
-        -self.matrix.values()[self.slots[edge][0] as usize]
-    }
-
     /// The diagonal becomes minus the sum of the row's other entries, plus `more`.
     pub(super) fn refresh_diagonal(&mut self, row: usize, more: f64) {
         let range = self.matrix.row_offsets()[row]..self.matrix.row_offsets()[row + 1];

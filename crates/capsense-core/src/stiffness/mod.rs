@@ -81,15 +81,24 @@ struct WeightedLink {
 }
 
 impl StiffnessMatrix {
-    /// Builds the matrix of a network without objects.
-    /// That of a lattice is kept without indices if `as_lattice`.
-    pub fn new(network: EdgeNetwork, nodes: usize, as_lattice: bool) -> Self {
-        let values = match network.edges() {
-            Edges::Lattice(lattice) if as_lattice => {
-                Values::Lattice(LatticeValues::new(lattice, network.weights()))
+    /// Builds the matrix of a network without objects; that of a lattice is kept without indices.
+    pub fn new(network: EdgeNetwork, nodes: usize) -> Self {
+        match network.edges() {
+            Edges::Lattice(lattice) => {
+                let values = LatticeValues::new(lattice, network.weights());
+                Self::with_values(network, nodes, Values::Lattice(values))
             }
-            edges => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
-        };
+            Edges::List(_) => Self::in_rows(network, nodes),
+        }
+    }
+
+    /// Builds the matrix in compressed rows, whatever the network.
+    pub fn in_rows(network: EdgeNetwork, nodes: usize) -> Self {
+        let values = CsrValues::new(network.edges(), network.weights(), nodes);
+        Self::with_values(network, nodes, Values::Csr(values))
+    }
+
+    fn with_values(network: EdgeNetwork, nodes: usize, values: Values) -> Self {
         let mut matrix = Self {
             network,
             nodes,
