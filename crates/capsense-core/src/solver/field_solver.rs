@@ -78,7 +78,7 @@ impl FieldSolver {
     /// Finds the bodies of very high permittivity, which need a direction of their own.
     pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
         match &mut self.vectors {
-            Vectors::Lattice(_) => {}
+            Vectors::Lattice(fields) => fields.find_islands(matrix, occupancy, fixed),
             Vectors::Csr(fields) => fields.find_islands(matrix, occupancy, fixed),
         }
     }

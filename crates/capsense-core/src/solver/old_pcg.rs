@@ -114,7 +114,7 @@ impl Pcg {
     /// p = z = M r; returns r·z.
     fn first_direction(&mut self) -> Lane {
         let (z, mut rz) = self.inverse.apply(&self.r);
-        self.islands.correct(&self.r, z, &mut rz);
+        correct(&self.islands, &self.r, z, &mut rz);
         self.p[..z.len()].copy_from_slice(z);
         rz
     }
@@ -122,7 +122,7 @@ impl Pcg {
     /// p = z + β p with z = M r and β the ratio of the new r·z, which is returned, to the old.
     fn next_direction(&mut self, rz: Lane) -> Lane {
         let (z, mut next) = self.inverse.apply(&self.r);
-        self.islands.correct(&self.r, z, &mut next);
+        correct(&self.islands, &self.r, z, &mut next);
         let beta: Lane32 = std::array::from_fn(|lane| match rz[lane] {
             0.0 => 0.0,
             rz => (next[lane] / rz) as f32,
@@ -243,5 +243,18 @@ impl CsrSolver {
             }
         }
         Ok(worst)
+    }
+}
+
+fn correct(islands: &Islands, r: &[Lane], z: &mut [Lane32], products: &mut Lane) {
+    for lane in 0..LANES {
+        products[lane] += islands.correct(
+            |node| r[node as usize][lane],
+            |node, shift| {
+                let before = z[node as usize][lane];
+                z[node as usize][lane] = (f64::from(before) + shift) as f32;
+                f64::from(z[node as usize][lane]) - f64::from(before)
+            },
+        );
     }
 }

@@ -72,6 +72,9 @@ impl ConjugateGradients {
             }
             self.rz.copy_from_slice(fields.precondition(&self.active));
             self.check(iterations)?;
+            if !self.active.contains(&true) {
+                break;
+            }
             let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
             if exact {
                 self.minimise(fields, iterations)?;
@@ -81,15 +84,17 @@ impl ConjugateGradients {
             fields.step(&self.a, &self.b);
             self.record(fields, iterations, exact)?;
             iterations += 1;
+            // A column that was done may turn out not to be when others show a worse condition number.
             for (column, active) in self.active.iter_mut().enumerate() {
-                *active &= !self.error.is_below(column, options.tolerance);
+                *active = !self.error.is_below(column, options.tolerance);
             }
         }
+        let relative_error = self.error.worst();
         self.error.finish();
         let state = fields.state();
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
         let residual = ratios.map(|(free, held)| (free / held).sqrt()).fold(0.0, f64::max);
-        Ok(SolveReport { iterations, relative_error: self.error.worst(), residual })
+        Ok(SolveReport { iterations, relative_error, residual })
     }
 
     /// Columns without a residual are done; others must have a finite, positive r·z.
@@ -125,6 +130,8 @@ impl ConjugateGradients {
         for column in 0..self.active.len() {
             (self.a[column], self.b[column], self.before[column]) = (0.0, 0.0, 0.0);
             if !self.active[column] {
+                // It does not move, so it has no last step.
+                self.curvature[column] = 0.0;
                 continue;
             }
             let (zz, zp) = (of_z[column], of_both[column]);

@@ -11,8 +11,10 @@ mod stencil;
 mod sums;
 mod transfer;
 
+use super::islands::Islands;
 use super::operator::State;
 use crate::mesh::Lattice;
+use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use hierarchy::Hierarchy;
 use layout::{Coloured, Layout};
@@ -34,6 +36,7 @@ pub(crate) struct LatticeSolver {
     scale: Vec<f64>,
     /// Its finest level holds r and z.
     hierarchy: Hierarchy,
+    islands: Islands,
     /// Columns that are worked on.
     active: Vec<usize>,
     /// rᵀz, or zᵀKz and zᵀKp.
@@ -75,6 +78,7 @@ impl LatticeSolver {
             p: layout.zeros(columns),
             scale: vec![0.0; columns],
             hierarchy: Hierarchy::new(lattice, layout, columns),
+            islands: Islands::default(),
             active: Vec::with_capacity(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
             sums: Sums::new(columns),
@@ -108,6 +112,11 @@ impl LatticeSolver {
                 self.x[colour][at] = potential;
             }
         }
+    }
+
+    /// Finds the bodies of very high permittivity, which need a direction of their own.
+    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+        self.islands.find(matrix, occupancy, fixed);
     }
 
     /// Where a node stands in the vectors.

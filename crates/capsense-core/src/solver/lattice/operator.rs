@@ -24,6 +24,7 @@ impl Operator for LatticeSolver {
         self.active.clear();
         self.active.extend((0..self.columns).filter(|&column| active[column]));
         self.arch.dispatch(Precondition(self));
+        self.correct_islands();
         &self.products[0]
     }
 
@@ -88,6 +89,29 @@ impl WithSimd for Walk<'_> {
 }
 
 impl LatticeSolver {
+    /// Adds the directions of islands to z.
+    fn correct_islands(&mut self) {
+        let layout = self.stencil.layout;
+        let finest = &mut self.hierarchy.levels[0];
+        for &column in &self.active {
+            let place = |node: u32| {
+                let (colour, at) = layout.place(layout.indices(node as usize));
+                (colour, column * layout.len() + at)
+            };
+            let b = &finest.b;
+            let r = |node| {
+                let (colour, at) = place(node);
+                f64::from(b[colour][at])
+            };
+            self.products[0][column] += self.islands.correct(r, |node, shift| {
+                let (colour, at) = place(node);
+                let z = &mut finest.x[colour][at];
+                let before = f64::from(std::mem::replace(z, (f64::from(*z) + shift) as f32));
+                f64::from(*z) - before
+            });
+        }
+    }
+
     fn walk_all(&mut self, beta: Option<&[f64]>) {
         self.arch.dispatch(Walk(self, beta));
     }
