@@ -12,9 +12,9 @@ mod operator;
 mod pcg;
 mod preconditioner;
 
+pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
-pub(crate) use field_solver::FieldSolver;
 pub use preconditioner::Preconditioner;
 
 /// When to stop, and how to get there.

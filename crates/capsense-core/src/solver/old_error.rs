@@ -161,4 +161,3 @@ fn eigenvalue(diagonal: &[f64], off_diagonal: &[f64], rank: usize) -> f64 {
     }
     0.5 * (low + high)
 }
-

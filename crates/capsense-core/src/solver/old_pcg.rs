@@ -4,8 +4,8 @@
 //! double precision; search directions are in single precision, which costs no accuracy because the same rounded
 //! direction enters field and residual.
 
-use super::old_error::{EnergyError, ErrorRule};
 use super::islands::Islands;
+use super::old_error::{EnergyError, ErrorRule};
 use super::preconditioner::{ApproximateInverse, Preconditioner};
 use super::{SolveError, SolveReport, SolverOptions};
 use crate::occupancy::Occupancy;
@@ -203,7 +203,13 @@ impl CsrSolver {
     pub(crate) fn new(columns: usize, rows: usize, preconditioner: Preconditioner) -> Self {
         let vectors = || vec![vec![[0.0; LANES]; rows]; columns.div_ceil(LANES)];
         let pcg = Pcg::new(rows, preconditioner);
-        Self { columns, potentials: vectors(), charges: vectors(), energies: vec![0.0; columns * columns], pcg }
+        Self {
+            columns,
+            potentials: vectors(),
+            charges: vectors(),
+            energies: vec![0.0; columns * columns],
+            pcg,
+        }
     }
     pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
         self.potentials[column / LANES][row][column % LANES]

@@ -7,7 +7,7 @@
 
 use super::layout::{Layout, RED};
 use super::network::{Changed, Network};
-use super::transfer::half_row;
+use super::transfer::{half_row, place_in_halves};
 
 /// One axis made coarser.
 #[derive(Clone, Debug)]
@@ -24,7 +24,8 @@ pub(super) struct Stage {
     pub(super) next: Shares,
     /// What the fine network becomes.
     pub(super) coarse: Network,
-    /// Where the coarse network changed last.
+    /// Where the coarse network may have changed last, and where it did.
+    reached: Changed,
     pub(super) changed: Changed,
 }
 
@@ -65,7 +66,7 @@ impl Shares {
             }
             Self::Rows { counts, half, values } => {
                 let [i, j, k] = at;
-                values[((k * counts[1] + j) * 2 + i % 2) * *half + i / 2] = value;
+                values[(k * counts[1] + j) * 2 * *half + place_in_halves(i, *half)] = value;
             }
         }
     }
@@ -105,26 +106,36 @@ impl Stage {
             previous: Shares::zeros(fine, axis, layout),
             next: Shares::zeros(fine, axis, layout),
             coarse: Network::new(counts),
+            reached: Changed::nothing(counts),
             changed: Changed::nothing(counts),
         }
     }
 
-    /// Recomputes the coarse network where the fine one changed, and notes where that was.
+    /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
     pub(super) fn refresh(&mut self, fine: &Network, changed: &Changed) {
-        self.find_changed(changed);
-        let coarse_changed = std::mem::replace(&mut self.changed, Changed::nothing([0; 3]));
-        coarse_changed.for_each(|at| self.refresh_share(fine, at));
-        coarse_changed.for_each(|at| self.refresh_node(fine, at));
-        coarse_changed.for_each(|at| {
-            let fixed = fine.is_fixed(fine.index(self.fine_node(at)));
-            self.coarse.set_inverse(self.coarse.index(at), fixed);
+        self.find_reached(changed);
+        let reached = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
+        self.changed.clear();
+        reached.for_each(|at| self.refresh_share(fine, at));
+        reached.for_each(|at| self.refresh_node(fine, at));
+        reached.for_each(|at| {
+            let index = self.coarse.index(at);
+            let before = self.coarse.nodes[index].inverse;
+            self.coarse.set_inverse(index, fine.is_fixed(fine.index(self.fine_node(at))));
+            if self.coarse.nodes[index].inverse != before {
+                self.note(at);
+            }
         });
-        self.changed = coarse_changed;
+        self.reached = reached;
+    }
+
+    fn note(&mut self, [i, j, k]: [usize; 3]) {
+        self.changed.add(i..i + 1, j, k);
     }
 
     /// What changes at a node reaches the coarse nodes at it or beside it, and their neighbours across the axis.
-    fn find_changed(&mut self, fine: &Changed) {
-        let Self { axis, fine_plane, changed, .. } = self;
+    fn find_reached(&mut self, fine: &Changed) {
+        let Self { axis, fine_plane, reached: changed, .. } = self;
         changed.clear();
         let reached = |from: usize, to: usize| {
             let first = fine_plane.partition_point(|&plane| plane < from).saturating_sub(1);
@@ -135,7 +146,9 @@ impl Stage {
             match *axis {
                 0 => {
                     let nodes = reached(nodes.start, nodes.end);
-                    for (j, k) in [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))] {
+                    for (j, k) in
+                        [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))]
+                    {
                         changed.add(nodes.clone(), j, k);
                     }
                 }
@@ -228,6 +241,17 @@ impl Stage {
             coarse.next[across] = sum;
         }
         let index = self.coarse.index(at);
-        self.coarse.nodes[index] = coarse;
+        let before = std::mem::replace(&mut self.coarse.nodes[index], coarse);
+        if before != coarse {
+            self.note(at);
+        }
+        // A weight is as much the next node's.
+        for axis in 0..3 {
+            if before.next[axis] != coarse.next[axis] {
+                let mut next = at;
+                next[axis] += 1;
+                self.note(next);
+            }
+        }
     }
 }

@@ -10,9 +10,6 @@ use super::stage::Stage;
 use pulp::Simd;
 use std::ops::Range;
 
-/// Columns that are worked on side by side along x.
-const GROUP: usize = 4;
-
 /// How a level is made coarser: at most one stage for each axis.
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
@@ -22,11 +19,21 @@ pub(super) struct Transfer {
     /// What is between the stages of z and y: a coarse plane, and the one before.
     thick: [ThickPlane; 2],
     thin: ThinPlane,
-    /// Where in a half row pair each coarse node is, and the nodes before and after it.
-    across_x: Vec<Triple>,
-    /// A thin row and a coarse row with several columns side by side: along x, neighbours are where they are.
-    lanes: Vec<[f32; GROUP]>,
-    coarse_lanes: Vec<[f32; GROUP]>,
+    /// The coarse rows in pieces that are alike.
+    segments: Vec<Segment>,
+    /// One coarse row, in the order of its nodes.
+    row: Vec<f32>,
+}
+
+/// Successive nodes of a coarse row.
+#[derive(Clone, Copy, Debug)]
+struct Segment {
+    /// The first, as a fine and as a coarse node, and their number.
+    fine: usize,
+    coarse: usize,
+    len: usize,
+    /// Whether an eliminated node is between each two; none is otherwise.
+    paired: bool,
 }
 
 /// A plane of a level, apart by whether i + j is even or odd, places as in the level but for the plane's shift.
@@ -44,14 +51,6 @@ struct ThinPlane {
     values: Vec<f32>,
 }
 
-/// Places of a node that is kept and of its neighbours along x.
-#[derive(Clone, Copy, Debug)]
-struct Triple {
-    previous: usize,
-    own: usize,
-    next: usize,
-}
-
 impl ThickPlane {
     fn zeros(layout: &Layout, columns: usize) -> Self {
         let len = layout.plane + 4 * BLOCK + layout.counts[0];
@@ -60,7 +59,14 @@ impl ThickPlane {
 
     /// Which part the nodes of one colour in plane k are in, and where those at some places are.
     #[inline(always)]
-    fn part(&self, layout: &Layout, colour: usize, k: usize, places: &Range<usize>, column: usize) -> (usize, Range<usize>) {
+    fn part(
+        &self,
+        layout: &Layout,
+        colour: usize,
+        k: usize,
+        places: &Range<usize>,
+        column: usize,
+    ) -> (usize, Range<usize>) {
         let start = column * self.len + BLOCK + places.start - layout.shift(colour, k);
         ((colour + k) % 2, start..start + places.len())
     }
@@ -80,6 +86,18 @@ impl ThickPlane {
 }
 
 impl ThinPlane {
+    /// Where a node is in a row. There is room behind the last.
+    #[inline(always)]
+    fn place(&self, node: usize) -> usize {
+        place_in_halves(node, self.half)
+    }
+
+    /// Where the node before another is. There is room before the first.
+    #[inline(always)]
+    fn place_before(&self, node: usize) -> usize {
+        if node % 2 == 0 { self.place(node + 1) - 1 } else { self.place(node - 1) }
+    }
+
     /// A row: even nodes, then odd ones.
     #[inline(always)]
     fn row(&self, j: usize, column: usize) -> &[f32] {
@@ -105,21 +123,10 @@ impl Transfer {
         };
         let (z, y, x) = (stage(2), stage(1), stage(0));
         let half = half_row(layout.counts[0]);
-        let place = |node: usize| node % 2 * half + node / 2;
-        let nowhere = 2 * half - 1;
-        let across_x = (0..layout.counts[0])
-            .filter(|&node| kept[0][node])
-            .map(|node| Triple {
-                previous: node.checked_sub(1).map_or(nowhere, place),
-                own: place(node),
-                next: if node + 1 < layout.counts[0] { place(node + 1) } else { nowhere },
-            })
-            .collect();
         let thick = ThickPlane::zeros(layout, columns);
         let thin = ThinPlane { half, columns, values: vec![0.0; coarse[1] * columns * 2 * half] };
-        let lanes = vec![[0.0; GROUP]; 2 * half];
-        let coarse_lanes = vec![[0.0; GROUP]; 2 * half_row(coarse[0])];
-        (Self { z, y, x, thick: [thick.clone(), thick], thin, across_x, lanes, coarse_lanes }, coarse)
+        let (segments, row) = (segments(&kept[0]), vec![0.0; coarse[0] + 2 * BLOCK]);
+        (Self { z, y, x, thick: [thick.clone(), thick], thin, segments, row }, coarse)
     }
 
     /// The coarse network and where it changed last; none if nothing is made coarser.
@@ -147,8 +154,8 @@ impl Transfer {
                 for &column in active {
                     self.restrict_y(simd, fine.layout(), j, k, column);
                 }
-                for group in active.chunks(GROUP) {
-                    self.restrict_x(coarse, j, k, group);
+                for &column in active {
+                    self.restrict_x(simd, coarse, j, k, column);
                 }
             }
         }
@@ -181,15 +188,16 @@ impl Transfer {
     /// Fills a row of the thin plane from the thick one.
     #[inline(always)]
     fn restrict_y<S: Simd>(&mut self, simd: S, layout: &Layout, j: usize, k: usize, column: usize) {
-        let ([thick, _], half) = (&self.thick, self.thin.half);
+        let ([thick, _], half) = (&self.thick, self.thin.half - 2 * BLOCK);
         let own = self.y.as_ref().map_or(j, |stage| stage.fine_plane[j]);
         for parity in 0..2 {
-            let to = &mut self.thin.row_mut(j, column)[parity * half..][..half];
+            let nodes = parity * self.thin.half + BLOCK..parity * self.thin.half + BLOCK + half;
+            let to = &mut self.thin.row_mut(j, column)[nodes.start..nodes.end];
             to.copy_from_slice(thick.half_row(layout, own, parity, column, half));
             let Some(stage) = &self.y else { continue };
             for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
                 if stage.is_eliminated(beside) {
-                    let share = &share.row(beside, k)[parity * half..][..half];
+                    let share = &share.row(beside, k)[nodes.start..nodes.end];
                     add_product(simd, to, share, thick.half_row(layout, beside, parity, column, half));
                 }
             }
@@ -198,36 +206,42 @@ impl Transfer {
 
     /// A row of the coarse right-hand side from the thin plane.
     #[inline(always)]
-    fn restrict_x(&mut self, coarse: &mut Level, j: usize, k: usize, columns: &[usize]) {
+    fn restrict_x<S: Simd>(&mut self, simd: S, coarse: &mut Level, j: usize, k: usize, column: usize) {
         let layout = coarse.stencil.layout;
-        let Some(stage) = &self.x else {
-            for (column, parity) in columns.iter().flat_map(|column| [(column, 0), (column, 1)]) {
-                let (colour, start) = layout.place([parity, j, k]);
-                let count = (layout.counts[0] + 1 - parity) / 2;
-                let from = &self.thin.row(j, *column)[parity * self.thin.half..][..count];
-                coarse.b[colour][column * layout.len() + start..][..count].copy_from_slice(from);
-            }
-            return;
-        };
-        for (lane, &column) in columns.iter().enumerate() {
-            let row = self.thin.row(j, column);
-            self.lanes.iter_mut().zip(row).for_each(|(lanes, value)| lanes[lane] = *value);
-        }
-        let (lanes, half) = (&self.lanes[..2 * self.thin.half], self.coarse_lanes.len() / 2);
-        let (previous, next) = (stage.previous.row(j, k), stage.next.row(j, k));
-        for (node, at) in self.across_x.iter().enumerate() {
-            // Shares of nodes that are kept, and of those beyond the ends, are zero.
-            let (from_next, from_previous) = (previous[at.next], next[at.previous]);
-            let own = combine(1.0, &lanes[at.own], from_next, &lanes[at.next]);
-            let sum = combine(1.0, &own, from_previous, &lanes[at.previous]);
-            self.coarse_lanes[node % 2 * half + node / 2] = sum;
-        }
-        for (lane, column) in columns.iter().enumerate() {
-            for parity in 0..2 {
-                let (colour, start) = layout.place([parity, j, k]);
-                let count = (layout.counts[0] + 1 - parity) / 2;
-                let b = &mut coarse.b[colour][column * layout.len() + start..][..count];
-                b.iter_mut().zip(&self.coarse_lanes[parity * half..]).for_each(|(b, sum)| *b = sum[lane]);
+        let [red, black] = &mut coarse.b;
+        let thin = self.thin.row(j, column);
+        for segment in &self.segments {
+            let Segment { fine, coarse, len, paired } = *segment;
+            let (colour, first) = layout.place([coarse, j, k]);
+            let (_, second) = layout.place([coarse + 1, j, k]);
+            let (of_first, of_second) = match colour {
+                RED => (&mut *red, &mut *black),
+                _ => (&mut *black, &mut *red),
+            };
+            let of_first = &mut of_first[column * layout.len() + first..][..len.div_ceil(2)];
+            let of_second = &mut of_second[column * layout.len() + second..][..len / 2];
+            let (own, next) = (self.thin.place(fine), self.thin.place(fine + 1));
+            match &self.x {
+                Some(stage) if paired => {
+                    // Shares of nodes that are kept, and of those beyond the ends, are zero.
+                    let n = len.next_multiple_of(BLOCK);
+                    let previous = self.thin.place_before(fine);
+                    let row = &mut self.row[..n];
+                    row.copy_from_slice(&thin[own..own + n]);
+                    let (from_next, from_previous) = (stage.previous.row(j, k), stage.next.row(j, k));
+                    add_product(simd, row, &from_next[next..next + n], &thin[next..next + n]);
+                    add_product(
+                        simd,
+                        row,
+                        &from_previous[previous..previous + n],
+                        &thin[previous..previous + n],
+                    );
+                    deal(&self.row[..len], of_first, of_second);
+                }
+                _ => {
+                    of_first.copy_from_slice(&thin[own..own + len.div_ceil(2)]);
+                    of_second.copy_from_slice(&thin[next..next + len / 2]);
+                }
             }
         }
     }
@@ -255,11 +269,11 @@ impl Transfer {
     #[inline(always)]
     fn prolong_plane<S: Simd>(&mut self, simd: S, fine: &Layout, coarse: &Level, k: usize, active: &[usize]) {
         for j in 0..coarse.layout().counts[1] {
-            for group in active.chunks(GROUP) {
-                self.prolong_x(coarse, j, k, group);
+            for &column in active {
+                self.prolong_x(simd, coarse, j, k, column);
             }
         }
-        let ([thick, _], thin, half) = (&mut self.thick, &self.thin, self.thin.half);
+        let ([thick, _], thin, half) = (&mut self.thick, &self.thin, self.thin.half - 2 * BLOCK);
         let mut coarse_row = 0;
         for j in 0..fine.counts[1] {
             let eliminated = match &self.y {
@@ -272,14 +286,15 @@ impl Transfer {
                     // What is written beyond the end of a row is overwritten by the rows that follow.
                     let (part, start) = thick.row(fine, j, parity, column);
                     let to = &mut thick.values[part][start..start + half];
-                    let before = &thin.row(coarse_row, column)[parity * half..][..half];
+                    let nodes = parity * thin.half + BLOCK..parity * thin.half + BLOCK + half;
+                    let before = &thin.row(coarse_row, column)[nodes.start..nodes.end];
                     let Some(stage) = eliminated else {
                         to.copy_from_slice(before);
                         continue;
                     };
-                    let after = &thin.row(coarse_row + 1, column)[parity * half..][..half];
-                    let previous = &stage.previous.row(j, k)[parity * half..][..half];
-                    let next = &stage.next.row(j, k)[parity * half..][..half];
+                    let after = &thin.row(coarse_row + 1, column)[nodes.start..nodes.end];
+                    let previous = &stage.previous.row(j, k)[nodes.start..nodes.end];
+                    let next = &stage.next.row(j, k)[nodes.start..nodes.end];
                     to.fill(0.0);
                     add_product(simd, to, previous, before);
                     add_product(simd, to, next, after);
@@ -290,39 +305,34 @@ impl Transfer {
 
     /// Interpolates a coarse row along x.
     #[inline(always)]
-    fn prolong_x(&mut self, coarse: &Level, j: usize, k: usize, columns: &[usize]) {
+    fn prolong_x<S: Simd>(&mut self, simd: S, coarse: &Level, j: usize, k: usize, column: usize) {
         let layout = coarse.stencil.layout;
-        let (half, thin_half) = (self.coarse_lanes.len() / 2, self.thin.half);
-        let Some(stage) = &self.x else {
-            for (column, parity) in columns.iter().flat_map(|column| [(column, 0), (column, 1)]) {
-                let (colour, start) = layout.place([parity, j, k]);
-                let count = (layout.counts[0] + 1 - parity) / 2;
-                let from = &coarse.x[colour][column * layout.len() + start..][..count];
-                self.thin.row_mut(j, *column)[parity * thin_half..][..count].copy_from_slice(from);
+        for segment in &self.segments {
+            let Segment { fine, coarse: start, len, paired } = *segment;
+            let (colour, first) = layout.place([start, j, k]);
+            let (other, second) = layout.place([start + 1, j, k]);
+            let of_first = &coarse.x[colour][column * layout.len() + first..];
+            let of_second = &coarse.x[other][column * layout.len() + second..];
+            let (own, next) = (self.thin.place(fine), self.thin.place(fine + 1));
+            match &self.x {
+                Some(stage) if paired => {
+                    let n = len.next_multiple_of(BLOCK);
+                    // One more than there are, for the interpolation behind the last; where that is none, its share is
+                    // zero, and what is written there is overwritten by the segment that follows.
+                    collect(&mut self.row[..n + 2], of_first, of_second);
+                    let thin = self.thin.row_mut(j, column);
+                    thin[own..own + len].copy_from_slice(&self.row[..len]);
+                    let between = &mut thin[next..next + n];
+                    between.fill(0.0);
+                    add_product(simd, between, &stage.previous.row(j, k)[next..next + n], &self.row[..n]);
+                    add_product(simd, between, &stage.next.row(j, k)[next..next + n], &self.row[1..n + 1]);
+                }
+                _ => {
+                    let thin = self.thin.row_mut(j, column);
+                    thin[own..own + len.div_ceil(2)].copy_from_slice(&of_first[..len.div_ceil(2)]);
+                    thin[next..next + len / 2].copy_from_slice(&of_second[..len / 2]);
+                }
             }
-            return;
-        };
-        for (lane, column) in columns.iter().enumerate() {
-            for parity in 0..2 {
-                let (colour, start) = layout.place([parity, j, k]);
-                let count = (layout.counts[0] + 1 - parity) / 2;
-                let x = &coarse.x[colour][column * layout.len() + start..][..count];
-                self.coarse_lanes[parity * half..].iter_mut().zip(x).for_each(|(lanes, x)| lanes[lane] = *x);
-            }
-        }
-        let lanes = &mut self.lanes[..2 * thin_half];
-        let (previous, next) = (stage.previous.row(j, k), stage.next.row(j, k));
-        let mut own = self.coarse_lanes[0];
-        for (node, at) in self.across_x.iter().enumerate() {
-            let after = self.coarse_lanes[(node + 1) % 2 * half + (node + 1) / 2];
-            // Where the next node is kept too, it will overwrite this.
-            lanes[at.next] = combine(previous[at.next], &own, next[at.next], &after);
-            lanes[at.own] = own;
-            own = after;
-        }
-        for (lane, &column) in columns.iter().enumerate() {
-            let row = self.thin.row_mut(j, column);
-            row.iter_mut().zip(&self.lanes).for_each(|(value, lanes)| *value = lanes[lane]);
         }
     }
 
@@ -348,15 +358,50 @@ impl Transfer {
     }
 }
 
-/// Room for every second node of a row, in blocks, with at least one place to spare.
-pub(super) fn half_row(nodes: usize) -> usize {
-    (nodes.div_ceil(2) + 1).next_multiple_of(BLOCK)
+/// Cuts the kept nodes of a row into pieces in which an eliminated node is between each two, or between none.
+fn segments(kept: &[bool]) -> Vec<Segment> {
+    let is_eliminated = |node: usize| kept.get(node) == Some(&false);
+    let mut segments: Vec<Segment> = Vec::new();
+    for (coarse, fine) in (0..kept.len()).filter(|&node| kept[node]).enumerate() {
+        let paired = is_eliminated(fine + 1) || is_eliminated(fine.wrapping_sub(1));
+        let distance = if paired { 2 } else { 1 };
+        match segments.last_mut() {
+            Some(last) if last.paired == paired && last.fine + distance * last.len == fine => last.len += 1,
+            _ => segments.push(Segment { fine, coarse, len: 1, paired }),
+        }
+    }
+    segments
 }
 
-/// a u + b v.
+/// Room for every second node of a row, in blocks: one to spare before them, and one behind.
+pub(super) fn half_row(nodes: usize) -> usize {
+    2 * BLOCK + nodes.div_ceil(2).next_multiple_of(BLOCK)
+}
+
+/// Where a node is in a row of even nodes and, behind these, odd ones.
 #[inline(always)]
-fn combine(a: f32, u: &[f32; GROUP], b: f32, v: &[f32; GROUP]) -> [f32; GROUP] {
-    [a * u[0] + b * v[0], a * u[1] + b * v[1], a * u[2] + b * v[2], a * u[3] + b * v[3]]
+pub(super) fn place_in_halves(node: usize, half: usize) -> usize {
+    node % 2 * half + node / 2 + BLOCK
+}
+
+/// Deals a row to its first, third and so on, and to the others.
+#[inline(always)]
+fn deal(row: &[f32], first: &mut [f32], second: &mut [f32]) {
+    let (pairs, rest) = row.as_chunks::<2>();
+    for ((pair, first), second) in pairs.iter().zip(&mut *first).zip(second) {
+        (*first, *second) = (pair[0], pair[1]);
+    }
+    if let ([last], Some(to)) = (rest, first.last_mut()) {
+        *to = *last;
+    }
+}
+
+/// The opposite of [`deal`], for an even number of nodes.
+#[inline(always)]
+fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
+    for ((pair, first), second) in row.as_chunks_mut::<2>().0.iter_mut().zip(first).zip(second) {
+        *pair = [*first, *second];
+    }
 }
 
 /// to += a b.
