@@ -11,6 +11,10 @@ pub enum Preconditioner {
     /// Multigrid: geometric where the mesh is a lattice, by aggregation elsewhere.
     #[default]
     Multigrid,
+    /// Incomplete Cholesky factors without fill.
+    Ic0,
+    /// The exact inverse, by sparse Cholesky factors.
+    Direct,
     /// The inverse of the diagonal.
     Jacobi,
     /// The identity.
