@@ -78,6 +78,11 @@ impl Islands {
         self.islands.retain(|island| island.stiffness > 0.0);
     }
 
+    /// The nodes of each island and its 1ᵀK1.
+    pub(super) fn each(&self) -> impl Iterator<Item = (&[u32], f64)> {
+        self.islands.iter().map(|island| (island.nodes.as_slice(), island.stiffness))
+    }
+
     /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to z, and what that adds to r·z.
     pub(super) fn correct(&self, r: &[Lane], z: &mut [Lane32], products: &mut Lane) {
         for island in &self.islands {

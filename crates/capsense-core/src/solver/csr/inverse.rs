@@ -94,6 +94,15 @@ impl<const L: usize> Inverse<L> {
         }
     }
 
+    /// z of one group where it is not exact.
+    pub(super) fn approximate_mut(&mut self, group: usize) -> Option<&mut [[f32; L]]> {
+        match &mut self.preconditioned[group] {
+            Preconditioned::Single(z) => Some(z),
+            Preconditioned::Work(work) => work.solution_mut(),
+            Preconditioned::Double(_) => None,
+        }
+    }
+
     pub(super) fn preconditioned(&self, group: usize) -> &Preconditioned<L> {
         &self.preconditioned[group]
     }

@@ -19,7 +19,9 @@ mod tests;
 mod workers;
 
 use super::Preconditioner;
+use super::islands::Islands;
 use super::operator::{Operator, State};
+use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use columns::{Columns, Sums, add};
 use inverse::{Inverse, Preconditioned};
@@ -47,6 +49,7 @@ pub(crate) struct Solver<const L: usize> {
     rows: Rows,
     groups: Vec<Columns<L>>,
     inverse: Inverse<L>,
+    islands: Islands,
     workers: Workers,
     state: State,
     /// Products of each column: zᵀr, or zᵀKz and zᵀKp.
@@ -128,6 +131,11 @@ impl CsrSolver {
     ) {
         for_width!(self, of => of.refresh(matrix, fixed, changed));
     }
+
+    /// Finds the bodies of very high permittivity, which need a direction of their own.
+    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+        for_width!(self, of => of.islands.find(matrix, occupancy, fixed));
+    }
 }
 
 impl Operator for CsrSolver {
@@ -173,6 +181,7 @@ impl<const L: usize> Solver<L> {
             groups: vec![Columns::new(nodes, objects); groups],
             inverse: Inverse::new(preconditioner, &rows, groups),
             rows,
+            islands: Islands::default(),
             workers: Workers::new(threads, nodes),
             state: State {
                 energies: vec![0.0; columns * columns],
@@ -254,7 +263,10 @@ impl<const L: usize> Solver<L> {
 
     fn precondition(&mut self) -> &[f64] {
         for (index, group) in self.groups.iter().enumerate() {
-            let products = self.inverse.apply(index, &self.rows, &group.kx, &self.workers);
+            let mut products = self.inverse.apply(index, &self.rows, &group.kx, &self.workers);
+            if let Some(z) = self.inverse.approximate_mut(index) {
+                add_islands(&self.islands, &self.rows, &group.kx, z, &mut products);
+            }
             spread(index, &products, &mut self.products[0]);
         }
         &self.products[0]
@@ -295,6 +307,28 @@ fn lanes<const L: usize>(columns: &[f64], group: usize) -> [f64; L] {
 /// Writes a group's values to their columns.
 fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
     columns.iter_mut().skip(group * L).zip(lanes).for_each(|(column, lane)| *column = *lane);
+}
+
+/// Adds 1 (1ᵀr)/(1ᵀK1) of every island to z, and what that adds to rᵀz.
+fn add_islands<const L: usize>(
+    islands: &Islands,
+    rows: &Rows,
+    kx: &[[f64; L]],
+    z: &mut [[f32; L]],
+    products: &mut [f64; L],
+) {
+    for (nodes, stiffness) in islands.each() {
+        let island = || nodes.iter().map(|&node| rows.row_of(node as usize));
+        let mut charge = [0.0; L];
+        island().for_each(|row| add(&mut charge, &kx[row]));
+        for row in island() {
+            for lane in 0..L {
+                let before = f64::from(z[row][lane]);
+                z[row][lane] = (before - charge[lane] / stiffness) as f32;
+                products[lane] -= kx[row][lane] * (f64::from(z[row][lane]) - before);
+            }
+        }
+    }
 }
 
 /// XᵀKX between the columns of two groups.

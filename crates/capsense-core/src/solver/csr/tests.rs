@@ -3,7 +3,7 @@
 use super::*;
 use crate::electrode::{Electrode, Outline};
 use crate::geometry::Aabb;
-use crate::material::{Connection, Material};
+use crate::material::{Connection, Material, RelativePermittivity};
 use crate::mesh::TetMesh;
 use crate::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView};
 use crate::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign};
@@ -78,11 +78,15 @@ impl Scene {
 
     /// Moves a thin plate to a height, which leaves some links.
     fn move_plate(&mut self, height: f64) {
+        self.move_object(height, Material::Conductor(Connection::Floating));
+    }
+
+    fn move_object(&mut self, height: f64, material: Material) {
         let view = OrthographicView { domain: DOMAIN, width: 20, height: 20 };
         let mut depth = DepthLayers::empty(view, 1);
         for pixel in (0..400).filter(|pixel| pixel / 20 > 6) {
             let (front, back) = depth.layer_mut(0);
-            (front[pixel], back[pixel]) = (height as f32, height as f32 + 0.004);
+            (front[pixel], back[pixel]) = (height as f32, height as f32 + thickness(&material));
         }
         let geometry = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
@@ -90,7 +94,7 @@ impl Scene {
             edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
-        self.occupancy.update(geometry, &[Material::Conductor(Connection::Floating)], &depth);
+        self.occupancy.update(geometry, &[material], &depth);
         self.matrix.update(&self.occupancy);
         for (node, &object) in self.occupancy.conductors().iter().enumerate() {
             if self.sensor.terminals()[node] == FREE {
@@ -113,6 +117,11 @@ impl Scene {
         let changed = self.matrix.changed_rows().iter().chain(self.occupancy.changed_nodes()).copied();
         solver.refresh(&self.matrix, &self.fixed(), changed);
     }
+}
+
+/// Conductors are thinner than the edges that they cut, dielectrics hold nodes.
+fn thickness(material: &Material) -> f32 {
+    if matches!(material, Material::Dielectric(_)) { 0.04 } else { 0.004 }
 }
 
 /// Conjugate gradients by exact minimisation over the span of z and p.
@@ -279,6 +288,24 @@ fn a_column_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
         assert!(bits(&among_others, column + 6, rows) == expected, "groups");
     }
     assert_eq!(shared.state().energies, alone.state().energies);
+}
+
+/// Inside it the potential is nearly constant and nearly free: the direction that an iteration finds last.
+#[test]
+fn a_body_that_nearly_floats_takes_few_iterations() {
+    for (preconditioner, iterations) in [(Preconditioner::Multigrid, 20), (Preconditioner::Ic0, 60)] {
+        let mut scene = Scene::new(5_000);
+        let mut solver = scene.solver(2, preconditioner, 1);
+        scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
+        scene.tell(&mut solver);
+        solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed());
+        iterate(&mut solver, iterations);
+        let reached = solver.state().energies[0];
+        let mut exact = scene.solver(2, Preconditioner::Direct, 1);
+        iterate(&mut exact, 2);
+        let error = (reached / exact.state().energies[0] - 1.0).abs();
+        assert!(error < 1e-10, "{preconditioner:?}: {error:e}");
+    }
 }
 
 /// The iteration tells an indefinite matrix by the sign of these.

@@ -159,6 +159,10 @@ impl<const L: usize> Work<L> {
     pub(super) fn solution(&self) -> &[[f32; L]] {
         self.levels.first().map_or(&[], |finest| &finest.b)
     }
+
+    pub(super) fn solution_mut(&mut self) -> Option<&mut [[f32; L]]> {
+        self.levels.first_mut().map(|finest| finest.b.as_mut_slice())
+    }
 }
 
 /// Edges at fixed rows have no weight, but leak.
