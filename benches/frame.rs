@@ -1,82 +1,167 @@
-//! One frame of the steel-bar scene in its parts, on one thread: depth on the CPU, update, solve.
+//! One frame of the steel-bar scene in its parts, beside the methods that it is compared with, on the same meshes.
 //!
-//! The bar moves 1 mm sideways each frame. Throughput is in tetrahedra.
+//! Benches are named part/method/motion/elements, for a filter such as `step/.*/sideways/30000`. Parts: `update` (depth
+//! image to stiffness matrix and preconditioner), `solve` (to the capacitance matrix), `step` (both). Methods:
+//! - `lattice`, `csr`: the simulator on the lattice, and on the same mesh as plain tetrahedra; C to 1e-4;
+//! - `ic0`: the same matrix, IC(0) conjugate gradients to a relative residual of 1e-6, and `ic0-coarse` to 1e-3;
+//! - `paper-80`, `paper-1e5`: the paper's method to a relative residual of 1e-5, the bar of that relative permittivity.
+//!   Its camera's red channel of 8 bits holds the first; the second stands for steel.
+//!
+//! Throughput is in tetrahedra. `CAPSENSE_BENCH_LARGE=1` adds meshes of 1 and 3 million.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
-use capsense_core::electrode::{Electrode, Outline};
-use capsense_core::geometry::{Aabb, Pose, Shape};
-use capsense_core::glam::{DVec2, DVec3};
-use capsense_core::material::{Connection, Material};
-use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{Sensor, SensorDesign};
+mod common;
+
+use capsense_core::baseline::{CgOptions, Ic0Method, PaperMethod, STEEL};
+use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::mesh::Lattice;
+use capsense_core::occupancy::DepthLayers;
 use capsense_core::simulator::Simulator;
-use capsense_core::solver::SolverOptions;
-use capsense_render::{Backend, DepthRenderer};
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use common::{Motion, design, mesh_sizes, on_lattice, on_tetrahedra, solver_options};
+use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use std::time::{Duration, Instant};
 
-const DOMAIN: Aabb = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3::new(0.25, 0.25, 0.45) };
-const VIEW: OrthographicView = OrthographicView { domain: DOMAIN, width: 64, height: 64 };
+const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 
-/// Depth images of a bar that passes the sensor in steps of 1 mm.
-fn passing_bar() -> Vec<DepthLayers> {
-    let bar = Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) };
-    let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, &[bar]).unwrap();
-    (0..100)
-        .map(|step| {
-            let mut depth = DepthLayers::empty(VIEW, 1);
-            let pose = Pose::at(DVec3::new(0.0, -0.05 + 1e-3 * f64::from(step), 0.06));
-            renderer.render(&[pose], &mut depth).unwrap();
-            depth
-        })
-        .collect()
+/// Number of elements above which a method is not measured. Beyond these a frame of the first two takes seconds; that
+/// of the last is not converged after 20,000 iterations.
+const LARGEST_OF_IC0: usize = 1_000_000;
+const LARGEST_OF_PAPER: usize = 300_000;
+const LARGEST_OF_PAPER_WITH_STEEL: usize = 30_000;
+
+/// What all methods have in common.
+trait Method {
+    fn update(&mut self, depth: &DepthLayers);
+    fn solve(&mut self);
 }
 
-fn simulator(tets: usize) -> Simulator {
-    let electrodes = [-0.03, 0.0, 0.03]
-        .into_iter()
-        .map(|y| {
-            let outline = Outline::Rectangle { center: DVec2::new(0.0, y), size: DVec2::new(0.1, 0.02) };
-            Electrode { name: format!("E{y}"), outline, z: 0.0 }
-        })
-        .collect();
-    let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
-    let sensor = Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap();
-    Simulator::new(sensor, vec![Material::Conductor(Connection::Grounded)], SolverOptions::default()).unwrap()
+impl Method for Simulator {
+    fn update(&mut self, depth: &DepthLayers) {
+        Simulator::update(self, depth).unwrap();
+    }
+
+    fn solve(&mut self) {
+        let _ = Simulator::solve(self).unwrap();
+    }
 }
 
-fn depth(criterion: &mut Criterion) {
-    let bar = Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) };
-    let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, &[bar]).unwrap();
-    let mut layers = DepthLayers::empty(VIEW, 1);
-    criterion.bench_function("depth/bar 64x64 on the CPU", |b| {
-        b.iter(|| renderer.render(&[Pose::at(DVec3::new(0.0, 0.0, 0.06))], &mut layers).unwrap());
-    });
+impl Method for Ic0Method {
+    fn update(&mut self, depth: &DepthLayers) {
+        Ic0Method::update(self, depth).unwrap();
+    }
+
+    fn solve(&mut self) {
+        Ic0Method::solve(self).unwrap();
+    }
+}
+
+impl Method for PaperMethod<f64> {
+    fn update(&mut self, depth: &DepthLayers) {
+        PaperMethod::update(self, depth).unwrap();
+    }
+
+    fn solve(&mut self) {
+        PaperMethod::solve(self).unwrap();
+    }
+}
+
+/// A part of a frame: brings the method to the next image and returns how long that part took.
+type Part = fn(&mut dyn Method, &DepthLayers) -> Duration;
+
+const UPDATE: (&str, Part) = ("update", |method, depth| timed(|| method.update(depth)));
+const SOLVE: (&str, Part) = ("solve", |method, depth| {
+    method.update(depth);
+    timed(|| method.solve())
+});
+const STEP: (&str, Part) = ("step", |method, depth| {
+    timed(|| {
+        method.update(depth);
+        method.solve();
+    })
+});
+
+fn timed(work: impl FnOnce()) -> Duration {
+    let start = Instant::now();
+    work();
+    start.elapsed()
+}
+
+/// One method on one mesh, and how patiently it is measured.
+struct Subject<'a> {
+    name: &'static str,
+    lattice: &'a Lattice,
+    size: usize,
+    parts: &'a [(&'static str, Part)],
+    samples: usize,
+    seconds: u64,
+}
+
+impl Subject<'_> {
+    /// Measures all parts for all motions. The method is built only when the command line asks for one of them.
+    fn measure<M: Method>(&self, criterion: &mut Criterion, build: impl Fn(&Lattice) -> M) {
+        let mut method = None;
+        for mut motion in Motion::all() {
+            for (part, run) in self.parts {
+                let mut group = criterion.benchmark_group(*part);
+                group.sample_size(self.samples).sampling_mode(SamplingMode::Flat);
+                group.warm_up_time(Duration::from_millis(300));
+                group.measurement_time(Duration::from_secs(self.seconds));
+                group.throughput(Throughput::Elements(self.lattice.tet_count() as u64));
+                let id = BenchmarkId::new(format!("{}/{}", self.name, motion.name), self.size);
+                group.bench_function(id, |b| {
+                    let method = method.get_or_insert_with(|| build(self.lattice));
+                    b.iter_custom(|frames| (0..frames).map(|_| run(method, motion.next())).sum());
+                });
+                group.finish();
+            }
+        }
+    }
+}
+
+fn simulators(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
+    let simulator = |sensor| Simulator::new(sensor, vec![GROUNDED], solver_options()).unwrap();
+    let parts = [UPDATE, SOLVE, STEP];
+    let subject = |name| Subject { name, lattice, size, parts: &parts, samples: 20, seconds: 2 };
+    subject("lattice").measure(criterion, |lattice| simulator(on_lattice(lattice)));
+    subject("csr").measure(criterion, |lattice| simulator(on_tetrahedra(lattice)));
+}
+
+fn baselines(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
+    let subject = |name, largest| {
+        if size > largest {
+            eprintln!("{name} is skipped at {size} elements");
+        }
+        let subject = Subject { name, lattice, size, parts: &[STEP], samples: 10, seconds: 1 };
+        (size <= largest).then_some(subject)
+    };
+    let coarse = CgOptions { relative_residual: 1e-3, ..CgOptions::USUAL };
+    for (name, options) in [("ic0", CgOptions::USUAL), ("ic0-coarse", coarse)] {
+        let build =
+            |lattice: &Lattice| Ic0Method::new(on_tetrahedra(lattice), vec![GROUNDED], options).unwrap();
+        if let Some(subject) = subject(name, LARGEST_OF_IC0) {
+            subject.measure(criterion, build);
+        }
+    }
+    for (name, permittivity, largest) in
+        [("paper-80", 80.0, LARGEST_OF_PAPER), ("paper-1e5", STEEL, LARGEST_OF_PAPER_WITH_STEEL)]
+    {
+        let bar = [RelativePermittivity::new(permittivity).unwrap()];
+        let build =
+            |lattice: &Lattice| PaperMethod::<f64>::new(&on_tetrahedra(lattice), &bar, CgOptions::PAPER);
+        if let Some(subject) = subject(name, largest) {
+            subject.measure(criterion, build);
+        }
+    }
 }
 
 fn frame(criterion: &mut Criterion) {
-    let frames = passing_bar();
-    let mut group = criterion.benchmark_group("frame");
-    group.sample_size(20);
-    for tets in [10_000, 30_000, 100_000, 300_000] {
-        let mut simulator = simulator(tets);
-        group.throughput(Throughput::Elements(simulator.sensor().mesh().tets().len() as u64));
-        let mut next = 0;
-        group.bench_function(BenchmarkId::new("step", tets), |b| {
-            b.iter(|| {
-                next = (next + 1) % frames.len();
-                simulator.step(&frames[next]).unwrap()
-            });
-        });
-        group.bench_function(BenchmarkId::new("update", tets), |b| {
-            b.iter(|| {
-                next = (next + 1) % frames.len();
-                simulator.update(&frames[next]).unwrap()
-            });
-        });
+    for size in mesh_sizes() {
+        let lattice = design().lattice(size).unwrap();
+        simulators(criterion, &lattice, size);
+        baselines(criterion, &lattice, size);
     }
-    group.finish();
 }
 
-criterion_group!(benches, depth, frame);
+criterion_group!(benches, frame);
 criterion_main!(benches);

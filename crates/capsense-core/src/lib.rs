@@ -2,10 +2,12 @@
 //!
 //! No files, no clocks, no GPU. [`simulator::Simulator::step`] is the one main path; what it calls stands in the other
 //! modules, which build on each other in this order: [`units`], [`geometry`], [`mesh`], [`electrode`], [`material`],
-//! [`sensor`], [`occupancy`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`].
+//! [`sensor`], [`occupancy`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stands
+//! [`baseline`], the methods it is compared with.
 
 #![forbid(unsafe_code)]
 
+pub mod baseline;
 pub mod capacitance;
 pub mod electrode;
 pub mod estimate;

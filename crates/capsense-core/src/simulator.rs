@@ -116,8 +116,12 @@ impl Simulator {
         let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
         let occupancy = Occupancy::empty(nodes, network.edges().len());
-        let matrix = StiffnessMatrix::new(network, nodes);
-        let mut fields = Fields::new(&sensor, &materials, options.preconditioner);
+        // Only multigrid has an operator of its own for lattices.
+        let matrix = match options.preconditioner {
+            Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
+            _ => StiffnessMatrix::in_rows(network, nodes),
+        };
+        let mut fields = Fields::new(&sensor, &materials, &matrix, &options);
         fields.refresh(&matrix, &[]);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
         let terminals = CapacitanceMatrix::zeros(fields.columns() + 1);
@@ -233,7 +237,7 @@ impl Simulator {
     pub fn capacitance_to_ground(&self) -> Vec<f64> {
         let mut all = self.held.clone();
         let ground = all.size() - 1;
-        for (column, charge) in self.fields.charges_on_ground().into_iter().enumerate() {
+        for (column, charge) in self.fields.charges_on_ground(&self.matrix).into_iter().enumerate() {
             all.set(column, ground, charge);
         }
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
@@ -291,7 +295,7 @@ impl Simulator {
 
     /// The preconditioner in use.
     pub fn preconditioner(&self) -> Preconditioner {
-        self.fields.preconditioner()
+        self.options.preconditioner
     }
 
     /// The stiffness matrix of the last frame.

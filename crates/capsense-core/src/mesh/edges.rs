@@ -1,6 +1,7 @@
 //! The edges of a mesh, numbered, and those near a box.
 
 use super::Lattice;
+use super::bins::Bins;
 use crate::geometry::Aabb;
 use glam::DVec3;
 use std::ops::Range;
@@ -11,8 +12,52 @@ pub enum Edges {
     /// The edges along the axes of a lattice: edge 3 n + a leads from node n to the next one along axis a. At the last
     /// node of a row there is none.
     Lattice(Lattice),
-    /// Any edges, the smaller node first.
-    List(Vec<[u32; 2]>),
+    /// Any edges.
+    List(Box<EdgeList>),
+}
+
+/// Edges in any order, the smaller node of each first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EdgeList {
+    ends: Vec<[u32; 2]>,
+    /// The edges at node n are `at_node[starts[n]..starts[n + 1]]`, in increasing order.
+    at_node: Vec<u32>,
+    starts: Vec<u32>,
+    edge_bins: Bins,
+    node_bins: Bins,
+}
+
+impl EdgeList {
+    /// Takes edges between nodes at these positions.
+    pub fn new(ends: Vec<[u32; 2]>, nodes: &[DVec3]) -> Self {
+        let mut starts = vec![0; nodes.len() + 1];
+        for &node in ends.as_flattened() {
+            starts[node as usize + 1] += 1;
+        }
+        for node in 0..nodes.len() {
+            starts[node + 1] += starts[node];
+        }
+        let mut next: Vec<u32> = starts.clone();
+        let mut at_node = vec![0; 2 * ends.len()];
+        for (edge, ends) in ends.iter().enumerate() {
+            for &node in ends {
+                at_node[next[node as usize] as usize] = edge as u32;
+                next[node as usize] += 1;
+            }
+        }
+        let edge_bins = Bins::new(ends.len(), |edge| around(ends[edge], nodes));
+        let node_bins = Bins::new(nodes.len(), |node| Aabb { min: nodes[node], max: nodes[node] });
+        Self { ends, at_node, starts, edge_bins, node_bins }
+    }
+
+    /// The edges at a node and which of their ends it is, in increasing order.
+    fn at(&self, node: usize) -> impl Iterator<Item = (usize, usize)> {
+        let edges = self.starts[node] as usize..self.starts[node + 1] as usize;
+        self.at_node[edges].iter().map(move |&edge| {
+            let edge = edge as usize;
+            (edge, usize::from(self.ends[edge][1] as usize == node))
+        })
+    }
 }
 
 impl Edges {
@@ -20,7 +65,7 @@ impl Edges {
     pub fn len(&self) -> usize {
         match self {
             Self::Lattice(lattice) => 3 * lattice.node_counts().into_iter().product::<usize>(),
-            Self::List(ends) => ends.len(),
+            Self::List(list) => list.ends.len(),
         }
     }
 
@@ -36,60 +81,113 @@ impl Edges {
                 let (node, axis) = (edge / 3, edge % 3);
                 let [nx, ny, nz] = lattice.node_counts();
                 let place = [node % nx, node / nx % ny, node / (nx * ny)][axis];
-                let stride = [1, nx, nx * ny][axis];
-                (place + 1 < [nx, ny, nz][axis]).then(|| [node as u32, (node + stride) as u32])
+                (place + 1 < [nx, ny, nz][axis]).then(|| self.ends_of_existing(edge))
             }
-            Self::List(ends) => Some(ends[edge]),
+            Self::List(list) => Some(list.ends[edge]),
         }
     }
 
-    /// Visits at least all nodes in a box, in increasing order.
-    pub fn for_nodes_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize)) {
-        match self {
-            Self::Lattice(lattice) => for_lattice_nodes(lattice, bounds, |node, _| visit(node)),
-            Self::List(_) => (0..nodes.len()).filter(|&node| bounds.contains(nodes[node])).for_each(visit),
-        }
-    }
-
-    /// Visits at least all edges that touch a box, in increasing order.
-    pub fn for_edges_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
+    /// The two nodes of an edge that is known to exist, without the divisions that find out.
+    pub fn ends_of_existing(&self, edge: usize) -> [u32; 2] {
         match self {
             Self::Lattice(lattice) => {
-                let counts = lattice.node_counts();
-                let strides = [1, counts[0], counts[0] * counts[1]];
-                for_lattice_nodes(lattice, bounds, |node, at| {
-                    for axis in 0..3 {
-                        if at[axis] + 1 < counts[axis] {
-                            visit(3 * node + axis, [node as u32, (node + strides[axis]) as u32]);
-                        }
-                    }
-                });
+                let node = edge / 3;
+                [node as u32, (node + lattice.strides()[edge % 3]) as u32]
             }
-            Self::List(ends) => {
-                for (edge, &ends) in ends.iter().enumerate() {
-                    let [a, b] = ends.map(|node| nodes[node as usize]);
-                    if bounds.intersects(&Aabb { min: a.min(b), max: a.max(b) }) {
-                        visit(edge, ends);
+            Self::List(list) => list.ends[edge],
+        }
+    }
+
+    /// Visits the edges at a node and which of their ends it is, always in the same order. On a lattice, some that do
+    /// not exist may be among them.
+    pub fn for_edges_at(&self, node: usize, mut visit: impl FnMut(usize, usize)) {
+        match self {
+            Self::Lattice(lattice) => {
+                for (axis, stride) in lattice.strides().into_iter().enumerate() {
+                    if let Some(before) = node.checked_sub(stride) {
+                        visit(3 * before + axis, 1);
+                    }
+                    visit(3 * node + axis, 0);
+                }
+            }
+            Self::List(list) => list.at(node).for_each(|(edge, end)| visit(edge, end)),
+        }
+    }
+
+    /// Visits the nodes in a box, each once.
+    pub fn for_nodes_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize)) {
+        match self {
+            Self::Lattice(lattice) => {
+                let [x, y, z] = planes_within(lattice, bounds);
+                for k in z {
+                    for j in y.clone() {
+                        let row = lattice.node_index([0, j, k]);
+                        (row + x.start..row + x.end).for_each(&mut visit);
                     }
                 }
             }
+            Self::List(list) => list.node_bins.for_boxes_near(bounds, |node| {
+                if bounds.contains(nodes[node as usize]) {
+                    visit(node as usize);
+                }
+            }),
+        }
+    }
+
+    /// Visits all edges that touch a box, and perhaps others near it; some of them several times.
+    pub fn for_edges_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
+        match self {
+            Self::Lattice(lattice) => for_lattice_edges(lattice, bounds, visit),
+            Self::List(list) => list.edge_bins.for_boxes_near(bounds, |edge| {
+                let ends = list.ends[edge as usize];
+                if bounds.intersects(&around(ends, nodes)) {
+                    visit(edge as usize, ends);
+                }
+            }),
         }
     }
 }
 
-/// All nodes of the cells that touch a box.
-fn for_lattice_nodes(lattice: &Lattice, bounds: &Aabb, mut visit: impl FnMut(usize, [usize; 3])) {
-    let range = |axis: usize| -> Range<usize> {
+/// The smallest box around an edge.
+fn around(ends: [u32; 2], nodes: &[DVec3]) -> Aabb {
+    let [a, b] = ends.map(|node| nodes[node as usize]);
+    Aabb { min: a.min(b), max: a.max(b) }
+}
+
+/// The lattice planes across each axis that touch a box.
+fn planes_within(lattice: &Lattice, bounds: &Aabb) -> [Range<usize>; 3] {
+    std::array::from_fn(|axis| {
         let planes = &lattice.axes()[axis];
-        let from = planes.partition_point(|&plane| plane < bounds.min[axis]).saturating_sub(1);
-        let to = planes.partition_point(|&plane| plane <= bounds.max[axis]);
-        from..(to + 1).min(planes.len())
-    };
-    let [x, y, z] = [range(0), range(1), range(2)];
-    for k in z {
-        for j in y.clone() {
-            for i in x.clone() {
-                visit(lattice.node_index([i, j, k]), [i, j, k]);
+        let from = planes.partition_point(|&plane| plane < bounds.min[axis]);
+        from..planes.partition_point(|&plane| plane <= bounds.max[axis])
+    })
+}
+
+/// All edges that touch a box, each once, in increasing order.
+fn for_lattice_edges(lattice: &Lattice, bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
+    let strides = lattice.strides();
+    let counts = lattice.node_counts();
+    let nodes = planes_within(lattice, bounds);
+    // Along its axis, an edge touches the box if it starts before the box's end and ends after its start.
+    let starts: [Range<usize>; 3] = std::array::from_fn(|axis| {
+        nodes[axis].start.saturating_sub(1)..nodes[axis].end.min(counts[axis] - 1)
+    });
+    for k in starts[2].start..nodes[2].end {
+        for j in starts[1].start..nodes[1].end {
+            let (in_y, in_z) = (nodes[1].contains(&j), nodes[2].contains(&k));
+            let reaches = [in_y && in_z, in_z && starts[1].contains(&j), in_y && starts[2].contains(&k)];
+            if reaches == [false; 3] {
+                continue;
+            }
+            let row = lattice.node_index([0, j, k]);
+            for i in starts[0].start..nodes[0].end {
+                let along = [starts[0].contains(&i), i >= nodes[0].start, i >= nodes[0].start];
+                let node = row + i;
+                for axis in 0..3 {
+                    if reaches[axis] && along[axis] {
+                        visit(3 * node + axis, [node as u32, (node + strides[axis]) as u32]);
+                    }
+                }
             }
         }
     }

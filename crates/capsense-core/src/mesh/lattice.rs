@@ -58,6 +58,11 @@ impl Lattice {
         [self.axes[0].len(), self.axes[1].len(), self.axes[2].len()]
     }
 
+    /// From a node's index to that of the next node along each axis.
+    pub fn strides(&self) -> [usize; 3] {
+        [1, self.axes[0].len(), self.axes[0].len() * self.axes[1].len()]
+    }
+
     /// Number of tetrahedra: six for each cell.
     pub fn tet_count(&self) -> usize {
         6 * self.axes.iter().map(|planes| planes.len() - 1).product::<usize>()

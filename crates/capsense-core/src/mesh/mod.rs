@@ -1,10 +1,11 @@
 //! Tetrahedral meshes: nodes, elements, and the permittivity of what fills them when no object is there.
 
+mod bins;
 mod edges;
 mod lattice;
 mod quality;
 
-pub use edges::Edges;
+pub use edges::{EdgeList, Edges};
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use quality::MeshQuality;
 

@@ -7,37 +7,41 @@ use crate::material::Material;
 /// weight would drown all others.
 pub const SMALLEST_PART: f64 = 1e-3;
 
-/// A capacitance from a node to the surface of a conducting object, cut out of an edge that passes through it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Link {
-    /// The edge it was cut from.
-    pub edge: u32,
-    /// The node it starts at.
-    pub node: u32,
-    /// The object it ends at.
-    pub object: u16,
-    /// What multiplies the edge's weight.
-    pub factor: f64,
-}
-
-/// What is left of an edge: a part that still couples its ends, and links from its ends to conductors in between.
+/// What is left of an edge: a part that still couples its ends, and links from its ends to the surfaces of conducting
+/// objects in between.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
-    /// Factor of the weight between the two ends.
+    /// What multiplies the edge's weight between its ends.
     pub through: f64,
-    /// From either end: the object it now leads to and the factor of that link's weight.
-    pub to_object: [Option<(u16, f64)>; 2],
+    /// What multiplies it in the link from either end; zero where there is none.
+    pub factor: [f64; 2],
+    /// The object that the link from either end leads to, or [`NO_OBJECT`].
+    pub object: [u16; 2],
 }
 
 impl Coupling {
     /// An edge that no object touches.
-    pub const PLAIN: Self = Self { through: 1.0, to_object: [None; 2] };
+    pub const PLAIN: Self = Self::only_through(1.0);
 
-    /// The links of this coupling as those of an edge.
-    pub fn links(self, edge: u32, ends: [u32; 2]) -> impl Iterator<Item = Link> {
-        ends.into_iter()
-            .zip(self.to_object)
-            .filter_map(move |(node, to)| to.map(|(object, factor)| Link { edge, node, object, factor }))
+    const fn only_through(through: f64) -> Self {
+        Self { through, factor: [0.0; 2], object: [NO_OBJECT; 2] }
+    }
+
+    /// Whether there is a link.
+    pub fn is_linked(&self) -> bool {
+        self.object != [NO_OBJECT; 2]
+    }
+
+    /// For each link, which end it starts at, the object it leads to, and its factor.
+    pub fn links(&self) -> impl Iterator<Item = (usize, u16, f64)> {
+        let links = (0..2).map(|end| (end, self.object[end], self.factor[end]));
+        links.filter(|&(_, object, _)| object != NO_OBJECT)
+    }
+
+    /// Whether two couplings are the same bit for bit.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        let bits = |c: &Self| [c.through, c.factor[0], c.factor[1]].map(f64::to_bits);
+        self.object == other.object && bits(self) == bits(other)
     }
 }
 
@@ -68,7 +72,7 @@ impl EdgeRule<'_> {
         let first = self.contact(from, 0.0, |span| span.enter, |candidate, best| candidate < best);
         let last = self.contact(to, 1.0, |span| span.exit, |candidate, best| candidate > best);
         let (Some((first, enter)), Some((last, exit))) = (first, last) else {
-            return Coupling { through: 1.0 / self.series(0.0, 1.0, breaks), to_object: [None; 2] };
+            return self.only_through(0.0, 1.0, breaks);
         };
         match (from != NO_OBJECT, to != NO_OBJECT) {
             (true, true) if from == to => Coupling::PLAIN,
@@ -76,17 +80,21 @@ impl EdgeRule<'_> {
             (true, false) if last == from => self.only_through(exit, 1.0, breaks),
             (false, true) if first == to => self.only_through(0.0, enter, breaks),
             _ => {
-                let mut link = |own: u16, object: u16, a: f64, b: f64| {
-                    (own == NO_OBJECT).then(|| (object, 1.0 / self.series(a, b, breaks)))
-                };
-                let to_object = [link(from, first, 0.0, enter), link(to, last, exit, 1.0)];
-                Coupling { through: 0.0, to_object }
+                let mut coupling = Coupling::only_through(0.0);
+                for (end, part) in [(0, (first, 0.0, enter)), (1, (last, exit, 1.0))] {
+                    let (object, a, b) = part;
+                    if self.owners[end] == NO_OBJECT {
+                        coupling.object[end] = object;
+                        coupling.factor[end] = 1.0 / self.series(a, b, breaks);
+                    }
+                }
+                coupling
             }
         }
     }
 
     fn only_through(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> Coupling {
-        Coupling { through: 1.0 / self.series(a, b, breaks), to_object: [None; 2] }
+        Coupling::only_through(1.0 / self.series(a, b, breaks))
     }
 
     /// The conductor met first when coming from one end, and where. Of several at one place the first listed counts.
@@ -127,6 +135,9 @@ impl EdgeRule<'_> {
     /// the first listed counts.
     fn series(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> f64 {
         let b = b.max(a + SMALLEST_PART);
+        if self.dielectrics().next().is_none() {
+            return b - a;
+        }
         breaks.clear();
         breaks.extend([a, b]);
         for (_, span) in self.dielectrics() {

@@ -1,16 +1,13 @@
-//! What an orthographic depth camera sees of each object, and where mesh edges cross it.
+//! What an orthographic depth camera sees of each object.
 //!
 //! The camera looks along +z through the whole cross-section of the domain. Every object has layers of its own:
 //! the nearest and the farthest surface along each pixel's ray, so that objects behind each other do not merge and
-//! each has a thickness. Between pixel centres the surfaces are interpolated bilinearly; at silhouettes and depth
-//! jumps the pixel's own value holds up to its border, so that no jump is taken for a surface.
+//! each has a thickness.
 
+use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
 use super::{Span, Surfaces};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
-
-/// Neighbouring depths further apart than this many pixel widths belong to different surfaces.
-const JUMP_IN_PIXELS: f64 = 4.0;
 
 /// An orthographic view of the domain along +z. Column 0 is at the smallest x, row 0 at the smallest y.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,15 +31,11 @@ impl OrthographicView {
         self.domain.min.truncate() + self.pixel_size() * DVec2::new(column as f64 + 0.5, row as f64 + 0.5)
     }
 
-    /// Continuous pixel coordinates of a point; pixel k covers k..k+1.
-    fn pixel_coordinates(&self, point: DVec3) -> DVec2 {
-        (point.truncate() - self.domain.min.truncate()) / self.pixel_size()
-    }
-
-    /// The pixel that continuous coordinates fall into; points outside get the nearest one.
-    fn pixel_at(&self, uv: DVec2) -> (usize, usize) {
+    /// Number of the pixel that a point is seen in, counted row by row; points outside get the nearest one.
+    pub(crate) fn pixel_of(&self, point: DVec3) -> usize {
+        let uv = (point.truncate() - self.domain.min.truncate()) / self.pixel_size();
         let clamp = |value: f64, count: usize| (value.max(0.0) as usize).min(count - 1);
-        (clamp(uv.x, self.width), clamp(uv.y, self.height))
+        clamp(uv.y, self.height) * self.width + clamp(uv.x, self.width)
     }
 }
 
@@ -73,13 +66,24 @@ pub struct DepthLayers {
     objects: usize,
     front: Vec<f32>,
     back: Vec<f32>,
+    pixels_per_metre: DVec2,
+    /// Neighbouring depths further apart belong to different surfaces.
+    jump: f32,
 }
 
 impl DepthLayers {
     /// Layers in which no ray hits anything.
     pub fn empty(view: OrthographicView, objects: usize) -> Self {
         let len = view.width * view.height * objects;
-        Self { view, objects, front: vec![f32::INFINITY; len], back: vec![f32::NEG_INFINITY; len] }
+        let pixel = view.pixel_size();
+        Self {
+            view,
+            objects,
+            front: vec![f32::INFINITY; len],
+            back: vec![f32::NEG_INFINITY; len],
+            pixels_per_metre: 1.0 / pixel,
+            jump: (JUMP_IN_PIXELS * pixel.max_element()) as f32,
+        }
     }
 
     /// The camera these layers were seen by.
@@ -133,10 +137,63 @@ impl DepthLayers {
             .collect()
     }
 
+    pub(super) fn jump(&self) -> f32 {
+        self.jump
+    }
+
+    /// The longer side of a pixel.
+    pub(super) fn pixel_width(&self) -> f32 {
+        self.view.pixel_size().max_element() as f32
+    }
+
+    /// Continuous pixel coordinates of a point; pixel k covers k..k+1.
+    pub(super) fn pixel_coordinates(&self, point: DVec3) -> DVec2 {
+        (point.truncate() - self.view.domain.min.truncate()) * self.pixels_per_metre
+    }
+
+    /// The space between two depths over columns and rows from the first up to, without, the second, and a margin.
+    pub(super) fn pixel_box(&self, columns: [usize; 2], rows: [usize; 2], depths: [f32; 2]) -> Aabb {
+        let pixel = self.view.pixel_size();
+        let margin = (MARGIN_IN_PIXELS * pixel).extend(MARGIN_IN_PIXELS * pixel.max_element());
+        let corner = |end: usize| {
+            let at = DVec2::new(columns[end] as f64, rows[end] as f64);
+            (self.view.domain.min.truncate() + pixel * at).extend(f64::from(depths[end]))
+        };
+        // Far out, rounding exceeds any part of a pixel.
+        let margin = margin + depths.map(|z| f64::from(z.abs())).into_iter().fold(0.0, f64::max) * 1e-9;
+        Aabb { min: corner(0) - margin, max: corner(1) + margin }
+    }
+
+    /// Whether two images show as many objects by the same camera.
+    pub(super) fn is_comparable_to(&self, other: &Self) -> bool {
+        self.view == other.view && self.objects == other.objects
+    }
+
+    /// Takes over the depths of a comparable image.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.front.copy_from_slice(&other.front);
+        self.back.copy_from_slice(&other.back);
+    }
+
     fn pixels_of(&self, object: usize) -> std::ops::Range<usize> {
         let pixels = self.view.width * self.view.height;
         object * pixels..(object + 1) * pixels
     }
+}
+
+/// Whether a ray either meets a front and then a back, or misses both.
+fn is_surface(front: f32, back: f32) -> bool {
+    let met = (front > f32::NEG_INFINITY) & (front <= back) & (back < f32::INFINITY);
+    let missed = (front == f32::INFINITY) & (back == f32::NEG_INFINITY);
+    met | missed
+}
+
+/// The extreme one of some depths, found in lanes that do not wait for each other.
+fn reduce(depths: &[f32], start: f32, pick: impl Fn(f32, f32) -> f32) -> f32 {
+    let (chunks, rest) = depths.as_chunks::<16>();
+    let lanes =
+        chunks.iter().fold([start; 16], |lanes, chunk| std::array::from_fn(|i| pick(lanes[i], chunk[i])));
+    lanes.iter().chain(rest).fold(start, |extreme, &depth| pick(extreme, depth))
 }
 
 impl Surfaces for DepthLayers {
@@ -146,11 +203,12 @@ impl Surfaces for DepthLayers {
 
     /// Names the first pixel whose depth is NaN or whose back lies before its front.
     fn validate(&self) -> Result<(), InvalidDepth> {
-        let missed = |front: f32, back: f32| front == f32::INFINITY && back == f32::NEG_INFINITY;
-        let bad = self.front.iter().zip(&self.back).position(|(&front, &back)| {
-            !(missed(front, back) || (front.is_finite() && back.is_finite() && front <= back))
-        });
-        match bad {
+        let pairs = || self.front.iter().zip(&self.back);
+        // All pixels first, without a branch for each; which one it is matters only when one is bad.
+        if pairs().fold(true, |good, (&front, &back)| good & is_surface(front, back)) {
+            return Ok(());
+        }
+        match pairs().position(|(&front, &back)| !is_surface(front, back)) {
             None => Ok(()),
             Some(index) => {
                 let pixels = self.view.width * self.view.height;
@@ -165,131 +223,38 @@ impl Surfaces for DepthLayers {
         }
     }
 
+    /// A thousandth of a pixel wider than what is seen, so that rounding puts nothing outside.
     fn bounds(&self, object: usize) -> Aabb {
-        let pixel = self.view.pixel_size();
-        let corner = self.view.domain.min.truncate();
-        let mut bounds = Aabb::EMPTY;
-        for (row, (fronts, backs)) in self
-            .front(object)
-            .chunks_exact(self.view.width)
-            .zip(self.back(object).chunks_exact(self.view.width))
-            .enumerate()
-        {
-            for (column, (&front, &back)) in fronts.iter().zip(backs).enumerate() {
-                if front <= back {
-                    let low = corner + pixel * DVec2::new(column as f64, row as f64);
-                    bounds = bounds
-                        .including(low.extend(f64::from(front)))
-                        .including((low + pixel).extend(f64::from(back)));
-                }
+        let width = self.view.width;
+        let rows = self.front(object).chunks_exact(width).zip(self.back(object).chunks_exact(width));
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (mut columns, mut seen_rows) = ([width, 0], [self.view.height, 0]);
+        for (row, (fronts, backs)) in rows.enumerate() {
+            let nearest = reduce(fronts, f32::INFINITY, smaller);
+            let farthest = reduce(backs, f32::NEG_INFINITY, larger);
+            if nearest <= farthest {
+                (low, high) = (low.min(nearest), high.max(farthest));
+                seen_rows = [seen_rows[0].min(row), row + 1];
+                let hit = |column: &usize| fronts[*column] <= backs[*column];
+                columns[0] = (0..columns[0]).find(hit).unwrap_or(columns[0]);
+                columns[1] = (columns[1]..width).rev().find(hit).map_or(columns[1], |last| last + 1);
             }
         }
-        bounds
+        if seen_rows[0] >= seen_rows[1] {
+            return Aabb::EMPTY;
+        }
+        self.pixel_box(columns, seen_rows, [low, high])
     }
 
     fn contains(&self, object: usize, point: DVec3) -> bool {
-        let uv = self.view.pixel_coordinates(point);
-        self.column(object, self.view.pixel_at(uv), uv)
-            .is_some_and(|[front, back]| front < point.z && point.z < back)
+        self.is_inside(object, point)
     }
 
-    /// Walks the segment from one half pixel to the next: within a half pixel the same pixel is hit or missed and the
-    /// same four depths are interpolated, so front and back are taken as straight lines there.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
-        let (uv_a, uv_b) = (self.view.pixel_coordinates(a), self.view.pixel_coordinates(b));
-        let mut found: Option<Span> = None;
-        let mut start = 0.0;
-        while start < 1.0 {
-            let end = next_half_pixel(uv_a, uv_b, start);
-            let pixel = self.view.pixel_at(uv_a.lerp(uv_b, 0.5 * (start + end)));
-            if let Some(piece) = self.span_in_half_pixel(object, pixel, [a, b], [uv_a, uv_b], [start, end]) {
-                found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
-            }
-            start = end;
-        }
-        found
-    }
-}
-
-impl DepthLayers {
-    /// Front and back at a point of a pixel; `None` where the pixel misses the object.
-    fn column(&self, object: usize, (column, row): (usize, usize), uv: DVec2) -> Option<[f64; 2]> {
-        let width = self.view.width;
-        let own = row * width + column;
-        let (fronts, backs) = (self.front(object), self.back(object));
-        if fronts[own] > backs[own] {
-            return None;
-        }
-        // The three neighbours between whose centres and the own one the point lies.
-        let beside = |at: f64, own: usize, count: usize| match at < own as f64 + 0.5 {
-            true => own.checked_sub(1),
-            false => Some(own + 1).filter(|&next| next < count),
-        };
-        let nearest = [f64::from(fronts[own]), f64::from(backs[own])];
-        let (Some(next_column), Some(next_row)) =
-            (beside(uv.x, column, width), beside(uv.y, row, self.view.height))
-        else {
-            return Some(nearest);
-        };
-        let offset = (uv - DVec2::new(column as f64 + 0.5, row as f64 + 0.5)).abs();
-        let corners =
-            [own, row * width + next_column, next_row * width + column, next_row * width + next_column];
-        let jump = JUMP_IN_PIXELS * self.view.pixel_size().max_element();
-        let smooth = |layer: &[f32], fallback: f64| {
-            let z = corners.map(|corner| f64::from(layer[corner]));
-            let (low, high) =
-                z.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &z| (l.min(z), h.max(z)));
-            if high - low <= jump {
-                let along = |a: f64, b: f64| a + (b - a) * offset.x;
-                let (near, far) = (along(z[0], z[1]), along(z[2], z[3]));
-                near + (far - near) * offset.y
-            } else {
-                fallback
-            }
-        };
-        Some([smooth(fronts, nearest[0]), smooth(backs, nearest[1])])
+        self.span_between(object, a, b)
     }
 
-    /// The part of the segment between parameters `t` that is behind the front and before the back.
-    fn span_in_half_pixel(
-        &self,
-        object: usize,
-        pixel: (usize, usize),
-        ends: [DVec3; 2],
-        uv: [DVec2; 2],
-        t: [f64; 2],
-    ) -> Option<Span> {
-        let inside = |t: f64| {
-            let z = ends[0].z + (ends[1].z - ends[0].z) * t;
-            self.column(object, pixel, uv[0].lerp(uv[1], t)).map(|[front, back]| [z - front, back - z])
-        };
-        let (at_start, at_end) = (inside(t[0])?, inside(t[1])?);
-        let mut part = [0.0, 1.0];
-        for side in 0..2 {
-            let (s, e) = (at_start[side], at_end[side]);
-            match (s > 0.0, e > 0.0) {
-                (true, true) => {}
-                (false, false) => return None,
-                (true, false) => part[1] = f64::min(part[1], s / (s - e)),
-                (false, true) => part[0] = f64::max(part[0], s / (s - e)),
-            }
-        }
-        let length = t[1] - t[0];
-        (part[0] < part[1]).then(|| Span { enter: t[0] + part[0] * length, exit: t[0] + part[1] * length })
+    fn depth_image(&self) -> Option<&DepthLayers> {
+        Some(self)
     }
-}
-
-/// The next parameter after `t` at which the line from `a` to `b` crosses a multiple of half a pixel; 1 at the end.
-fn next_half_pixel(a: DVec2, b: DVec2, t: f64) -> f64 {
-    let mut next: f64 = 1.0;
-    for axis in 0..2 {
-        let step = b[axis] - a[axis];
-        if step != 0.0 {
-            let here = 2.0 * (a[axis] + step * t);
-            let border = if step > 0.0 { (here + 1e-9).floor() + 1.0 } else { (here - 1e-9).ceil() - 1.0 };
-            next = next.min((0.5 * border - a[axis]) / step);
-        }
-    }
-    // Each step makes progress, whatever the rounding.
-    next.max(t + 1e-9).min(1.0)
 }

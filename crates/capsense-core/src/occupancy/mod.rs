@@ -3,18 +3,24 @@
 //! The edge rule is the ghost-fluid idea of Gibou, Fedkiw et al. on a network: along an edge, the parts in air and in
 //! dielectrics are capacitors in series, and a conductor ends the edge where its surface is.
 
+mod changes;
+mod comparison;
 mod coupling;
+mod crossing;
 mod depth;
+mod sorted;
 
-pub use coupling::{Coupling, Link, SMALLEST_PART};
+pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::Edges;
 use crate::sensor::{FREE, GROUND, Terminal};
+use changes::Changes;
 use coupling::{EdgeRule, touches};
 use glam::DVec3;
+use sorted::SortedList;
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +44,12 @@ pub trait Surfaces {
 
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
+
+    /// The depth image that answers are read from, if they all are. From one frame to the next, then only what differs
+    /// between the images is looked at again; without one, all that is within the bounds of either frame.
+    fn depth_image(&self) -> Option<&DepthLayers> {
+        None
+    }
 
     /// Whether these answers can be trusted at all; called once before any of them.
     ///
@@ -75,39 +87,98 @@ pub struct Contact {
 }
 
 /// What the objects of one frame do to nodes and edges, and what changed since the frame before.
+///
+/// All of it is a function of the present frame, whatever the frames before; only its cost is that of what changed.
 #[derive(Clone, Debug)]
 pub struct Occupancy {
     conductor: Vec<u16>,
-    through: Vec<f64>,
-    links: Vec<Link>,
+    couplings: Vec<Coupling>,
+    linked_edges: SortedList<u32>,
     changed_edges: Vec<u32>,
     changed_nodes: Vec<u32>,
+    touches: SortedList<Touch>,
     contacts: Vec<Contact>,
+    changes: Changes,
     scratch: Scratch,
+}
+
+/// An edge at whose end a conducting object touches an electrode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Touch {
+    edge: u32,
+    contact: Contact,
 }
 
 /// Storage that is kept from frame to frame so that an update allocates nothing once it has grown.
 #[derive(Clone, Debug)]
 struct Scratch {
-    /// Where each object is, and where it was in the frame before.
-    bounds: Vec<Aabb>,
-    old_bounds: Vec<Aabb>,
-    /// Objects whose bounds meet the edge at hand, with their spans.
+    /// Objects that the edge at hand passes through.
     spans: Vec<(u16, Span)>,
     breaks: Vec<f64>,
-    old_links: Vec<Link>,
     node_changed: Vec<bool>,
-    /// The frame in which each node and edge was last looked at; regions of several objects overlap.
-    node_seen: Vec<u32>,
+    /// The frame in which each edge was last looked at; regions overlap.
     edge_seen: Vec<u32>,
     frame: u32,
 }
 
-impl Scratch {
-    /// Where an object is or was.
-    fn region(&self, object: usize) -> Aabb {
-        let (now, before) = (self.bounds[object], self.old_bounds[object]);
-        Aabb { min: now.min.min(before.min), max: now.max.max(before.max) }
+/// Where everything is in one frame.
+struct Scene<'a> {
+    mesh: EdgeGeometry<'a>,
+    materials: &'a [Material],
+    surfaces: &'a dyn Surfaces,
+    bounds: &'a [Aabb],
+}
+
+impl Scene<'_> {
+    fn is_conductor(&self, object: usize) -> bool {
+        matches!(self.materials[object], Material::Conductor(_))
+    }
+
+    /// The conductor that holds a node.
+    fn holder(&self, node: usize) -> u16 {
+        if self.mesh.terminals[node] != FREE {
+            return NO_OBJECT;
+        }
+        let point = self.mesh.nodes[node];
+        let holder = (0..self.materials.len()).find(|&object| {
+            self.is_conductor(object)
+                && self.bounds[object].contains(point)
+                && self.surfaces.contains(object, point)
+        });
+        holder.map_or(NO_OBJECT, |object| object as u16)
+    }
+
+    /// Collects the objects that an edge passes through, in the order in which they are listed.
+    fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
+        let [a, b] = ends.map(|node| self.mesh.nodes[node as usize]);
+        let around = Aabb { min: a.min(b), max: a.max(b) };
+        spans.clear();
+        for (object, bounds) in self.bounds.iter().enumerate() {
+            if bounds.intersects(&around)
+                && let Some(span) = self.surfaces.span(object, a, b)
+            {
+                spans.push((object as u16, span));
+            }
+        }
+    }
+
+    /// Electrodes at the ends of an edge with the conductors that touch them there.
+    fn contacts<'b>(
+        &'b self,
+        ends: [u32; 2],
+        spans: &'b [(u16, Span)],
+    ) -> impl Iterator<Item = Contact> + 'b {
+        let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
+        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
+        let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
+        touching.flat_map(move |&(object, span)| {
+            let touched = terminals.into_iter().zip(touches(span));
+            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
+            electrodes.map(move |(terminal, _)| Contact {
+                object: usize::from(object),
+                electrode: usize::from(terminal) - 1,
+            })
+        })
     }
 }
 
@@ -116,136 +187,113 @@ impl Occupancy {
     pub fn empty(nodes: usize, edges: usize) -> Self {
         Self {
             conductor: vec![NO_OBJECT; nodes],
-            through: vec![1.0; edges],
-            links: Vec::new(),
+            couplings: vec![Coupling::PLAIN; edges],
+            linked_edges: SortedList::new(),
             changed_edges: Vec::new(),
             changed_nodes: Vec::new(),
+            touches: SortedList::new(),
             contacts: Vec::new(),
+            changes: Changes::default(),
             scratch: Scratch {
-                bounds: Vec::new(),
-                old_bounds: Vec::new(),
                 spans: Vec::new(),
                 breaks: Vec::new(),
-                old_links: Vec::new(),
                 node_changed: vec![false; nodes],
-                node_seen: vec![0; nodes],
                 edge_seen: vec![0; edges],
                 frame: 0,
             },
         }
     }
 
-    /// Moves to the next frame. Of two conductors that overlap the first listed wins, a conductor wins over a
-    /// dielectric, and nodes with a terminal keep it. Only nodes and edges near where an object is or was are visited.
-    pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &impl Surfaces) {
+    /// Moves to the next frame, on the same mesh as all frames before. Of two conductors that overlap the first listed
+    /// wins, a conductor wins over a dielectric, and nodes with a terminal keep it. Only nodes and edges near where an
+    /// object's surface is another than in the frame before are visited.
+    pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
+        self.start_frame();
+        self.changes.find(materials, surfaces);
+        let changes = std::mem::take(&mut self.changes);
+        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds() };
+        for region in changes.regions() {
+            mesh.edges.for_nodes_near(mesh.nodes, region, |node| self.update_node(&scene, node));
+        }
+        let mut links_lost = false;
+        for region in changes.regions() {
+            mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
+                links_lost |= self.update_edge(&scene, edge, ends);
+            });
+        }
+        self.changes = changes;
+        self.changed_edges.sort_unstable();
+        self.changed_nodes.sort_unstable();
+        if links_lost || self.linked_edges.grows() {
+            let couplings = &self.couplings;
+            self.linked_edges.merge(|&edge| couplings[edge as usize].is_linked());
+        }
+        self.update_contacts();
+    }
+
+    fn start_frame(&mut self) {
         let scratch = &mut self.scratch;
-        std::mem::swap(&mut scratch.bounds, &mut scratch.old_bounds);
-        scratch.bounds.clear();
-        scratch.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
-        scratch.old_bounds.resize(materials.len(), Aabb::EMPTY);
         scratch.frame = scratch.frame.wrapping_add(1);
+        if scratch.frame == 0 {
+            // After four billion frames, numbers come again.
+            scratch.edge_seen.fill(0);
+            scratch.frame = 1;
+        }
         for &node in &self.changed_nodes {
             scratch.node_changed[node as usize] = false;
         }
-        std::mem::swap(&mut self.links, &mut scratch.old_links);
         self.changed_nodes.clear();
         self.changed_edges.clear();
-        self.links.clear();
+    }
+
+    fn update_node(&mut self, scene: &Scene<'_>, node: usize) {
+        let holder = scene.holder(node);
+        if holder != self.conductor[node] {
+            self.conductor[node] = holder;
+            self.changed_nodes.push(node as u32);
+            self.scratch.node_changed[node] = true;
+        }
+    }
+
+    /// Applies the edge rule to an edge and returns whether it had a link and has none now.
+    fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
+        let Scratch { spans, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
+        if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
+            return false;
+        }
+        scene.find_spans(ends, spans);
+        for contact in scene.contacts(ends, spans) {
+            self.touches.add(Touch { edge: edge as u32, contact });
+        }
+        let rule = EdgeRule {
+            owners: ends.map(|node| self.conductor[node as usize]),
+            spans,
+            materials: scene.materials,
+            background: scene.mesh.permittivity[edge],
+        };
+        let coupling = rule.coupling(breaks);
+        let before = std::mem::replace(&mut self.couplings[edge], coupling);
+        let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
+        if moved || !coupling.is(&before) {
+            self.changed_edges.push(edge as u32);
+        }
+        if coupling.is_linked() && !before.is_linked() {
+            self.linked_edges.add(edge as u32);
+        }
+        before.is_linked() && !coupling.is_linked()
+    }
+
+    /// Contacts last where no edge was looked at again.
+    fn update_contacts(&mut self) {
+        if self.touches.items().is_empty() && !self.touches.grows() {
+            return;
+        }
+        let Scratch { edge_seen, frame, .. } = &self.scratch;
+        self.touches.merge(|touch| edge_seen[touch.edge as usize] != *frame);
         self.contacts.clear();
-        for object in 0..materials.len() {
-            self.update_nodes(self.scratch.region(object), mesh, materials, surfaces);
-        }
-        for object in 0..materials.len() {
-            self.update_edges(self.scratch.region(object), mesh, materials, surfaces);
-        }
-        // Sums over links must not depend on where objects were before.
-        self.links.sort_unstable_by_key(|link| (link.edge, link.node));
-        self.compare_links();
-        self.changed_edges.sort_unstable();
-        self.changed_edges.dedup();
-        self.changed_nodes.sort_unstable();
+        self.contacts.extend(self.touches.items().iter().map(|touch| touch.contact));
         self.contacts.sort_unstable();
         self.contacts.dedup();
-    }
-
-    fn update_nodes(
-        &mut self,
-        region: Aabb,
-        mesh: EdgeGeometry<'_>,
-        materials: &[Material],
-        surfaces: &impl Surfaces,
-    ) {
-        let Scratch { bounds, node_seen, node_changed, frame, .. } = &mut self.scratch;
-        mesh.edges.for_nodes_near(mesh.nodes, &region, |node| {
-            if mesh.terminals[node] != FREE || std::mem::replace(&mut node_seen[node], *frame) == *frame {
-                return;
-            }
-            let point = mesh.nodes[node];
-            let owner = (0..materials.len()).find(|&object| {
-                matches!(materials[object], Material::Conductor(_))
-                    && bounds[object].contains(point)
-                    && surfaces.contains(object, point)
-            });
-            let owner = owner.map_or(NO_OBJECT, |object| object as u16);
-            if owner != self.conductor[node] {
-                self.conductor[node] = owner;
-                self.changed_nodes.push(node as u32);
-                node_changed[node] = true;
-            }
-        });
-    }
-
-    fn update_edges(
-        &mut self,
-        region: Aabb,
-        mesh: EdgeGeometry<'_>,
-        materials: &[Material],
-        surfaces: &impl Surfaces,
-    ) {
-        let Scratch { bounds, spans, breaks, node_changed, edge_seen, frame, .. } = &mut self.scratch;
-        mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
-            if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
-                return;
-            }
-            let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
-            let edge_bounds = Aabb { min: a.min(b), max: a.max(b) };
-            let owners = ends.map(|node| self.conductor[node as usize]);
-            spans.clear();
-            for (object, bounds) in bounds.iter().enumerate() {
-                if bounds.intersects(&edge_bounds)
-                    && let Some(span) = surfaces.span(object, a, b)
-                {
-                    spans.push((object as u16, span));
-                }
-            }
-            for &(object, span) in spans.iter() {
-                let object = usize::from(object);
-                if matches!(materials[object], Material::Conductor(_)) {
-                    let terminals = ends.map(|node| mesh.terminals[node as usize]);
-                    note_contacts(&mut self.contacts, object, terminals, touches(span));
-                }
-            }
-            let rule = EdgeRule { owners, spans, materials, background: mesh.permittivity[edge] };
-            let coupling = rule.coupling(breaks);
-            self.links.extend(coupling.links(edge as u32, ends));
-            let moved = ends.iter().any(|&node| node_changed[node as usize]);
-            if moved || coupling.through.to_bits() != self.through[edge].to_bits() {
-                self.through[edge] = coupling.through;
-                self.changed_edges.push(edge as u32);
-            }
-        });
-    }
-
-    /// Edges whose links are others than in the frame before changed too. Both lists are in the order of the edges.
-    fn compare_links(&mut self) {
-        let (mut old, mut new) = (self.scratch.old_links.iter().peekable(), self.links.iter().peekable());
-        while let Some(edge) = old.peek().into_iter().chain(new.peek()).map(|link| link.edge).min() {
-            if !take_links_of(&mut old, edge).eq(take_links_of(&mut new, edge)) {
-                self.changed_edges.push(edge);
-                while old.next_if(|link| link.edge == edge).is_some() {}
-                while new.next_if(|link| link.edge == edge).is_some() {}
-            }
-        }
     }
 
     /// The conducting object that holds each node; [`NO_OBJECT`] for the others.
@@ -253,14 +301,14 @@ impl Occupancy {
         &self.conductor
     }
 
-    /// What multiplies each edge's weight.
-    pub fn through(&self) -> &[f64] {
-        &self.through
+    /// What is left of each edge.
+    pub fn couplings(&self) -> &[Coupling] {
+        &self.couplings
     }
 
-    /// Links from nodes to objects, ordered by edge and node.
-    pub fn links(&self) -> &[Link] {
-        &self.links
+    /// The edges of which links are left, in increasing order.
+    pub fn linked_edges(&self) -> &[u32] {
+        self.linked_edges.items()
     }
 
     /// Conducting objects that touch electrodes, in increasing order.
@@ -277,24 +325,4 @@ impl Occupancy {
     pub fn changed_nodes(&self) -> &[u32] {
         &self.changed_nodes
     }
-}
-
-/// Notes the electrodes at those ends of an edge that an object touches; most repeat what was noted last.
-fn note_contacts(contacts: &mut Vec<Contact>, object: usize, terminals: [Terminal; 2], touched: [bool; 2]) {
-    for (terminal, touched) in terminals.into_iter().zip(touched) {
-        if touched && terminal != FREE && terminal != GROUND {
-            let contact = Contact { object, electrode: usize::from(terminal) - 1 };
-            if contacts.last() != Some(&contact) {
-                contacts.push(contact);
-            }
-        }
-    }
-}
-
-/// Takes those links off the front of an ordered sequence that belong to one edge.
-fn take_links_of<'a>(
-    links: &mut std::iter::Peekable<std::slice::Iter<'a, Link>>,
-    edge: u32,
-) -> impl Iterator<Item = &'a Link> {
-    std::iter::from_fn(move || links.next_if(|link| link.edge == edge))
 }

@@ -5,8 +5,6 @@
 //! steepest descent, which leaves at most the part ρ² of the error with ρ = (κ-1)/(κ+1) and κ the condition number of
 //! the preconditioned matrix. So after the step the error is at most d_k ρ²/(1-ρ²).
 
-use crate::stiffness::{LANES, Lane};
-
 /// How many steps are remembered.
 const REMEMBERED: usize = 12;
 
@@ -32,109 +30,135 @@ pub(super) enum ErrorRule {
     Spectrum { condition: Option<f64>, solves: u32 },
 }
 
-/// Energies and steps of all columns in one solve.
+/// Energies and steps of all columns in one solve, and what solves before it have shown.
 #[derive(Clone, Debug)]
 pub(super) struct EnergyError {
     rule: ErrorRule,
-    energy: Lane,
-    steps: [Step; REMEMBERED],
+    columns: usize,
+    /// The remembered steps of each column in turn.
+    steps: Vec<Step>,
+    /// How many steps each column has taken; those that are done take no more.
+    taken: Vec<usize>,
     count: usize,
+    /// Whether all lengths so far were computed: only then do steps show the spectrum.
+    exact: bool,
     /// The condition number that this solve has shown so far, with caution.
     shown: f64,
 }
 
-/// The step lengths α and energy drops of one iteration.
+/// What one column did in one iteration.
 #[derive(Clone, Copy, Debug, Default)]
-struct Step {
-    alpha: Lane,
-    drop: Lane,
+pub(super) struct Step {
+    /// The best length of the step and the r·z before it.
+    pub(super) alpha: f64,
+    pub(super) rz: f64,
+    /// By how much a step of the best length lowers the energy, how much less this one did, and what it was lowered to.
+    pub(super) drop: f64,
+    pub(super) excess: f64,
+    pub(super) energy: f64,
 }
 
 impl EnergyError {
-    pub(super) fn new(rule: ErrorRule, energy: Lane) -> Self {
-        Self { rule, energy, steps: [Step::default(); REMEMBERED], count: 0, shown: 1.0 }
+    pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
+        let steps = vec![Step::default(); REMEMBERED * columns];
+        Self { rule, columns, steps, taken: vec![0; columns], count: 0, exact: true, shown: 1.0 }
     }
 
-    /// Takes the step lengths and the r·z of one more iteration.
-    pub(super) fn record(&mut self, alpha: Lane, rz: Lane) {
-        let drop = std::array::from_fn(|lane| alpha[lane] * rz[lane]);
-        for (energy, drop) in self.energy.iter_mut().zip(drop) {
-            *energy -= drop;
-        }
-        self.steps[self.count % REMEMBERED] = Step { alpha, drop };
+    /// Begins a solve.
+    pub(super) fn start(&mut self) {
+        self.steps.fill(Step::default());
+        self.taken.fill(0);
+        (self.count, self.exact, self.shown) = (0, true, 1.0);
+    }
+
+    /// Takes one column's part in the iteration under way.
+    pub(super) fn record(&mut self, column: usize, step: Step) {
+        self.steps[column * REMEMBERED + self.count % REMEMBERED] = step;
+        self.taken[column] = self.count + 1;
+    }
+
+    /// All columns have taken their steps.
+    pub(super) fn advance(&mut self, exact: bool) {
         self.count += 1;
+        self.exact &= exact;
         if let ErrorRule::Spectrum { condition, .. } = &mut self.rule
+            && self.exact
             && (2..=REMEMBERED).contains(&self.count)
         {
-            let steps = &self.steps[..self.count];
-            let seen = (0..LANES).filter_map(|lane| condition_number(steps, lane)).fold(1.0, f64::max);
+            let columns = self.steps.chunks_exact(REMEMBERED);
+            let seen = columns.filter_map(|steps| condition_number(&steps[..self.count])).fold(1.0, f64::max);
             self.shown = 1.0 + CAUTION * (seen - 1.0);
             *condition = Some(condition.unwrap_or(1.0).max(self.shown));
         }
     }
 
     /// Whether one column's estimated relative error is below a tolerance.
-    pub(super) fn is_below(&self, lane: usize, tolerance: f64) -> bool {
+    pub(super) fn is_below(&self, column: usize, tolerance: f64) -> bool {
         let enough = !self.is_learning() || self.count >= LEARNING_STEPS;
-        enough && self.relative(lane).is_some_and(|relative| relative <= tolerance)
+        enough && self.relative(column).is_some_and(|relative| relative <= tolerance)
     }
 
-    fn is_learning(&self) -> bool {
-        matches!(self.rule, ErrorRule::Spectrum { solves, .. } if solves.is_multiple_of(LEARN_EVERY))
+    /// Whether this solve is to show the condition number.
+    pub(super) fn is_learning(&self) -> bool {
+        match self.rule {
+            ErrorRule::Window => true,
+            ErrorRule::Spectrum { condition, solves } => condition.is_none() || solves.is_multiple_of(LEARN_EVERY),
+        }
     }
 
-    /// Estimated relative error of one column's energy; `None` while there is too little to tell from.
-    fn relative(&self, lane: usize) -> Option<f64> {
-        if self.energy[lane] <= 0.0 {
+    /// Estimated relative error of one column's energy; `None` while there is too little to tell from. A column that
+    /// never took a step had no residual.
+    fn relative(&self, column: usize) -> Option<f64> {
+        let steps = &self.steps[column * REMEMBERED..][..REMEMBERED];
+        let taken = self.taken[column];
+        let last = steps[taken.saturating_sub(1) % REMEMBERED];
+        if last.energy <= 0.0 {
             return Some(0.0);
         }
         let to_come = match self.rule {
-            ErrorRule::Window if self.count < REMEMBERED => return None,
-            ErrorRule::Window => self.steps.iter().map(|step| step.drop[lane]).sum::<f64>(),
+            ErrorRule::Window if taken < REMEMBERED => return None,
+            ErrorRule::Window => steps.iter().map(|step| step.drop).sum::<f64>(),
             ErrorRule::Spectrum { condition, .. } => {
                 let condition = condition?;
                 let left = ((condition - 1.0) / (condition + 1.0)).powi(2);
-                let last = self.steps[self.count.checked_sub(1)? % REMEMBERED];
-                last.drop[lane] * left / (1.0 - left)
+                last.drop * left / (1.0 - left)
             }
         };
-        Some(to_come / self.energy[lane])
+        Some((to_come + last.excess) / last.energy)
     }
 
     /// The largest estimate over all columns; all of it where nothing can be told.
     pub(super) fn worst(&self) -> f64 {
-        (0..LANES).map(|lane| self.relative(lane).unwrap_or(1.0)).fold(0.0, f64::max)
+        (0..self.columns).map(|column| self.relative(column).unwrap_or(1.0)).fold(0.0, f64::max)
     }
 
-    /// What was learnt, for the next solve. Solves that were made long enough to learn from let what earlier ones had
-    /// shown fade, so that one bad scene does not burden all that follow.
-    pub(super) fn rule(&self) -> ErrorRule {
-        match self.rule {
-            ErrorRule::Window => ErrorRule::Window,
-            ErrorRule::Spectrum { condition, solves } => {
-                let faded = |known: f64| (1.0 + FADING * (known - 1.0)).max(self.shown);
-                let condition = if self.is_learning() { condition.map(faded) } else { condition };
-                ErrorRule::Spectrum { condition, solves: solves.wrapping_add(1) }
+    /// Ends a solve. Solves that were made long enough to learn from let what earlier ones had shown fade, so that one
+    /// bad scene does not burden all that follow.
+    pub(super) fn finish(&mut self) {
+        let learning = self.is_learning();
+        if let ErrorRule::Spectrum { condition, solves } = &mut self.rule {
+            if let Some(known) = condition.filter(|_| learning && self.count >= LEARNING_STEPS) {
+                *condition = Some((1.0 + FADING * (known - 1.0)).max(self.shown));
             }
+            *solves = solves.wrapping_add(1);
         }
     }
 }
 
 /// The condition number that the steps of one column show: the ratio of the extreme eigenvalues of the Lanczos matrix
 /// with diagonal 1/α_k + β_{k-1}/α_{k-1} and off-diagonal √β_k/α_k, β_k the ratio of successive r·z.
-fn condition_number(steps: &[Step], lane: usize) -> Option<f64> {
+fn condition_number(steps: &[Step]) -> Option<f64> {
     let mut diagonal = [0.0; REMEMBERED];
     let mut off_diagonal = [0.0; REMEMBERED];
-    let used = steps.iter().take_while(|step| step.alpha[lane] > 0.0 && step.drop[lane] > 0.0).count();
+    let used = steps.iter().take_while(|step| step.alpha > 0.0 && step.rz > 0.0).count();
     if used < 2 {
         return None;
     }
     for k in 0..used {
-        let alpha = steps[k].alpha[lane];
+        let alpha = steps[k].alpha;
         diagonal[k] += 1.0 / alpha;
         if k + 1 < used {
-            let next = &steps[k + 1];
-            let beta = (next.drop[lane] / next.alpha[lane]) / (steps[k].drop[lane] / alpha);
+            let beta = steps[k + 1].rz / steps[k].rz;
             off_diagonal[k] = beta.sqrt() / alpha;
             diagonal[k + 1] += beta / alpha;
         }
@@ -168,15 +192,17 @@ mod tests {
 
     /// Plain conjugate gradients on a diagonal matrix, recorded.
     fn solve(eigenvalues: &[f64], iterations: usize) -> EnergyError {
-        let rule = ErrorRule::Spectrum { condition: None, solves: 1 };
+        let mut error = EnergyError::new(ErrorRule::Spectrum { condition: None, solves: 1 }, 1);
         let mut r: Vec<f64> = vec![1.0; eigenvalues.len()];
         let mut p = r.clone();
         let mut rz: f64 = r.iter().map(|r| r * r).sum();
-        let mut error = EnergyError::new(rule, [1e3; LANES]);
+        let mut energy = 1e3;
         for _ in 0..iterations {
             let q: Vec<f64> = p.iter().zip(eigenvalues).map(|(p, e)| p * e).collect();
             let alpha = rz / p.iter().zip(&q).map(|(p, q)| p * q).sum::<f64>();
-            error.record([alpha; LANES], [rz; LANES]);
+            energy -= alpha * rz;
+            error.record(0, Step { alpha, rz, drop: alpha * rz, excess: 0.0, energy });
+            error.advance(true);
             r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
             let next: f64 = r.iter().map(|r| r * r).sum();
             p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + next / rz * *p);
@@ -188,7 +214,7 @@ mod tests {
     #[test]
     fn the_condition_number_of_a_small_matrix_is_found() {
         let error = solve(&[1.0, 2.0, 3.0, 5.0], 4);
-        let found = condition_number(&error.steps[..4], 0).unwrap();
+        let found = condition_number(&error.steps[..4]).unwrap();
         assert!((found - 5.0).abs() < 1e-9, "{found}");
     }
 
@@ -200,8 +226,8 @@ mod tests {
         for steps in 2..8 {
             let error = solve(&eigenvalues, steps);
             let total: f64 = eigenvalues.iter().map(|e| 1.0 / e).sum();
-            let shed: f64 = error.steps[..steps].iter().map(|step| step.drop[0]).sum();
-            let (left, estimate) = (total - shed, error.relative(0).unwrap() * error.energy[0]);
+            let shed: f64 = error.steps[..steps].iter().map(|step| step.drop).sum();
+            let (left, estimate) = (total - shed, error.relative(0).unwrap() * error.steps[steps - 1].energy);
             assert!(estimate >= 0.99 * left && estimate < 30.0 * left + 1e-12, "{steps}: {estimate} {left}");
             assert!(estimate < previous);
             previous = estimate;

@@ -6,7 +6,7 @@
 //! preconditioner takes it out of the spectrum (Nicolaides 1987).
 
 use crate::occupancy::Occupancy;
-use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
+use crate::stiffness::StiffnessMatrix;
 
 /// Edges whose weight is raised by at least this factor hold an island together.
 pub(crate) const CONTRAST: f64 = 200.0;
@@ -29,8 +29,8 @@ impl Islands {
     /// Finds the connected sets of free nodes that strong edges hold together.
     pub(super) fn find(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
         self.islands.clear();
-        let strong = |edge: usize| occupancy.through()[edge] >= CONTRAST;
-        if !(0..occupancy.through().len()).any(strong) {
+        let strong = |edge: usize| occupancy.couplings()[edge].through >= CONTRAST;
+        if !(0..occupancy.couplings().len()).any(strong) {
             return;
         }
         let edges = matrix.network().edges();
@@ -63,11 +63,11 @@ impl Islands {
             island.stiffness += matrix.link_weight(node);
         }
         let network = matrix.network();
-        for (edge, through) in occupancy.through().iter().enumerate() {
+        for (edge, coupling) in occupancy.couplings().iter().enumerate() {
             let ends = network.edges().ends(edge).map(|ends| ends.map(|node| roots[node as usize]));
             if let Some([a, b]) = ends.filter(|[a, b]| a != b) {
                 let base = network.weights()[edge];
-                let weight = if base > 0.0 { base * through } else { base };
+                let weight = if base > 0.0 { base * coupling.through } else { base };
                 for root in [a, b] {
                     if let Some(island) = self.islands.get_mut(island_of_root[root as usize] as usize) {
                         island.stiffness += weight;
@@ -78,30 +78,15 @@ impl Islands {
         self.islands.retain(|island| island.stiffness > 0.0);
     }
 
-    /// The nodes of each island and its 1ᵀK1.
-    pub(super) fn each(&self) -> impl Iterator<Item = (&[u32], f64)> {
-        self.islands.iter().map(|island| (island.nodes.as_slice(), island.stiffness))
-    }
-
-    /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to z, and what that adds to r·z.
-    pub(super) fn correct(&self, r: &[Lane], z: &mut [Lane32], products: &mut Lane) {
+    /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to one column's z and returns what that adds to r·z. `r` reads r at a node;
+    /// `raise` adds to z at a node and returns what was added after rounding.
+    pub(super) fn correct(&self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64) -> f64) -> f64 {
+        let mut product = 0.0;
         for island in &self.islands {
-            let mut sum = [0.0; LANES];
-            for &node in &island.nodes {
-                for lane in 0..LANES {
-                    sum[lane] += r[node as usize][lane];
-                }
-            }
-            let shift = sum.map(|sum| sum / island.stiffness);
-            for &node in &island.nodes {
-                for lane in 0..LANES {
-                    let before = z[node as usize][lane];
-                    z[node as usize][lane] = (f64::from(before) + shift[lane]) as f32;
-                    let added = f64::from(z[node as usize][lane]) - f64::from(before);
-                    products[lane] += r[node as usize][lane] * added;
-                }
-            }
+            let shift = island.nodes.iter().map(|&node| r(node)).sum::<f64>() / island.stiffness;
+            product += island.nodes.iter().map(|&node| r(node) * raise(node, shift)).sum::<f64>();
         }
+        product
     }
 }
 

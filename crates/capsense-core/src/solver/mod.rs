@@ -5,15 +5,19 @@ mod aggregation;
 #[allow(dead_code)]
 mod csr;
 mod energy_error;
+mod field_solver;
+mod incomplete_cholesky;
 mod islands;
 mod lattice;
-#[allow(dead_code)]
+mod old_error;
+mod old_pcg;
 mod operator;
 mod pcg;
 mod preconditioner;
 
+pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
-pub use pcg::Pcg;
+pub(crate) use field_solver::FieldSolver;
 pub use preconditioner::Preconditioner;
 
 /// When to stop, and how to get there.

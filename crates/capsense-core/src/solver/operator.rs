@@ -35,3 +35,16 @@ pub(super) struct State {
     pub(super) residual: Vec<f64>,
     pub(super) charge: Vec<f64>,
 }
+
+impl State {
+    pub(super) fn new(columns: usize) -> Self {
+        let zeros = || vec![0.0; columns];
+        Self { energies: vec![0.0; columns * columns], along: zeros(), residual: zeros(), charge: zeros() }
+    }
+
+    pub(super) fn clear(&mut self) {
+        for sums in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
+            sums.fill(0.0);
+        }
+    }
+}

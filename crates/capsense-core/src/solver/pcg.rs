@@ -1,192 +1,186 @@
 //! Preconditioned conjugate gradients for several terminals at once.
 //!
-//! The columns share every pass over the matrix and keep their own step lengths. Fields, residuals and all sums are in
-//! double precision; search directions are in single precision, which costs no accuracy because the same rounded
-//! direction enters field and residual.
+//! Each step goes to the point of least energy in the plane that the preconditioned residual z and the last step p span,
+//! which is the step of conjugate gradients, but forgives steps before it that were not exact. The first step of a frame
+//! therefore takes the length that was right in the frame before; how good it was shows afterwards at no cost, because
+//! the residual is recomputed after every step: pᵀKp is what r·p falls by.
 
-use super::energy_error::{EnergyError, ErrorRule};
-use super::islands::Islands;
-use super::preconditioner::{ApproximateInverse, Preconditioner};
+use super::energy_error::{EnergyError, ErrorRule, Step};
+use super::operator::Operator;
 use super::{SolveError, SolveReport, SolverOptions};
-use crate::mesh::Lattice;
-use crate::occupancy::Occupancy;
-use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 
-/// The iteration with its preconditioner and working storage, sized once.
+/// Below this sine squared of the angle between z and p, the two are taken for parallel.
+const PARALLEL: f64 = 1e-10;
+
+/// When r·p falls by no more than this part of it in a step of assumed length, rounding rules, or the length was absurd.
+const UNRELIABLE: f64 = 0.1;
+
+/// Step lengths further from one are not used again.
+const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
+
+/// What one solve leaves for the next, and working storage.
 #[derive(Clone, Debug)]
-pub struct Pcg {
-    inverse: ApproximateInverse,
-    islands: Islands,
-    rule: ErrorRule,
-    /// -K x on free rows, zero on fixed ones.
-    r: Vec<Lane>,
-    p: Vec<Lane32>,
-    q: Vec<Lane>,
+pub(crate) struct ConjugateGradients {
+    error: EnergyError,
+    /// The length of each column's first step that would have been best.
+    lengths: Vec<f64>,
+    active: Vec<bool>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    rz: Vec<f64>,
+    /// rᵀp before and after the step, and pᵀKp.
+    before: Vec<f64>,
+    along: Vec<f64>,
+    curvature: Vec<f64>,
 }
 
-impl Pcg {
-    /// Storage for a matrix with so many rows; `lattice` when its nodes are those of a lattice.
-    pub fn new(rows: usize, preconditioner: Preconditioner, lattice: Option<&Lattice>) -> Self {
-        let inverse = ApproximateInverse::new(preconditioner, rows, lattice);
-        let rule = match inverse {
-            ApproximateInverse::Diagonal { .. } => ErrorRule::Window,
-            _ => ErrorRule::Spectrum { condition: None, solves: 0 },
-        };
-        let (zeros, zeros32) = (vec![[0.0; LANES]; rows], vec![[0.0; LANES]; rows]);
-        Self { inverse, islands: Islands::default(), rule, r: zeros.clone(), p: zeros32, q: zeros }
-    }
-
-    /// The preconditioner in use.
-    pub fn preconditioner(&self) -> Preconditioner {
-        match self.inverse {
-            ApproximateInverse::Diagonal { kind, .. } => kind,
-            _ => Preconditioner::Multigrid,
+impl ConjugateGradients {
+    pub(crate) fn new(columns: usize, rule: ErrorRule) -> Self {
+        let zeros = || vec![0.0; columns];
+        Self {
+            error: EnergyError::new(rule, columns),
+            lengths: zeros(),
+            active: vec![true; columns],
+            a: zeros(),
+            b: zeros(),
+            rz: zeros(),
+            before: zeros(),
+            along: zeros(),
+            curvature: zeros(),
         }
     }
 
-    /// Takes over a changed matrix. `changed` must hold every node whose row changed or that became fixed or free
-    /// since the last call; all nodes at the first.
-    pub fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
-        self.inverse.refresh(matrix, fixed, changed);
-    }
-
-    /// Finds the bodies of very high permittivity, which need a direction of their own.
-    pub fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
-        self.islands.find(matrix, occupancy, fixed);
-    }
-
-    /// Improves the fields `x` until the tolerance is reached. Fixed rows of `x` keep their values; free rows hold the
-    /// initial guess. On return `kx` is K x, the charges.
+    /// Improves the fields until the tolerance is reached. The residual must be that of the fields.
     ///
     /// # Errors
     /// When the tolerance is not reached, the matrix is indefinite, or a value is not finite.
-    pub fn solve(
+    pub(crate) fn solve(
         &mut self,
-        matrix: &StiffnessMatrix,
-        fixed: &[bool],
-        x: &mut [Lane],
-        kx: &mut [Lane],
+        fields: &mut impl Operator,
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
-        let (energy, mut active) = self.start(matrix, fixed, x);
-        let mut error = EnergyError::new(self.rule, energy);
-        let mut rz = self.first_direction();
+        self.active.fill(true);
+        self.error.start();
         let mut iterations = 0;
-        while active.contains(&true) {
+        while self.active.contains(&true) {
             if iterations == options.max_iterations {
                 return Err(SolveError::NotConverged {
                     iterations,
-                    relative_error: error.worst(),
+                    relative_error: self.error.worst(),
                     tolerance: options.tolerance,
                 });
             }
-            let alpha = self.step_lengths(matrix, &mut active, rz, iterations)?;
-            self.advance(fixed, x, alpha);
-            error.record(alpha, rz);
+            self.rz.copy_from_slice(fields.precondition(&self.active));
+            self.check(iterations)?;
+            if !self.active.contains(&true) {
+                break;
+            }
+            let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
+            if exact {
+                self.minimise(fields, iterations)?;
+            } else {
+                self.take_usual_lengths();
+            }
+            fields.step(&self.a, &self.b);
+            self.record(fields, iterations, exact)?;
             iterations += 1;
-            for (lane, active) in active.iter_mut().enumerate() {
-                *active &= !error.is_below(lane, options.tolerance);
-            }
-            if active.contains(&true) {
-                rz = self.next_direction(rz);
+            // A column that was done may turn out not to be when others show a worse condition number.
+            for (column, active) in self.active.iter_mut().enumerate() {
+                *active = !self.error.is_below(column, options.tolerance);
             }
         }
-        self.rule = error.rule();
-        matrix.apply(x, kx);
-        let relative_error = if iterations == 0 { 0.0 } else { error.worst() };
-        Ok(SolveReport { iterations, relative_error, residual: residual(fixed, kx) })
+        let relative_error = self.error.worst();
+        self.error.finish();
+        let state = fields.state();
+        let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
+        let residual = ratios.map(|(free, held)| (free / held).sqrt()).fold(0.0, f64::max);
+        Ok(SolveReport { iterations, relative_error, residual })
     }
 
-    /// Residual, energies, and which columns have anything to do.
-    fn start(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], x: &[Lane]) -> (Lane, [bool; LANES]) {
-        let energy = matrix.apply(x, &mut self.r);
-        let mut largest = [0.0_f64; LANES];
-        for (r, &fixed) in self.r.iter_mut().zip(fixed) {
-            let free = if fixed { 0.0 } else { -1.0 };
-            for lane in 0..LANES {
-                r[lane] *= free;
-                // Not `max`, which would overlook a NaN.
-                largest[lane] += r[lane].abs();
-            }
-        }
-        (energy, largest.map(|largest| largest != 0.0))
-    }
-
-    /// p = z = M r; returns r·z.
-    fn first_direction(&mut self) -> Lane {
-        let (z, mut rz) = self.inverse.apply(&self.r);
-        self.islands.correct(&self.r, z, &mut rz);
-        self.p[..z.len()].copy_from_slice(z);
-        rz
-    }
-
-    /// p = z + β p with z = M r and β the ratio of the new r·z, which is returned, to the old.
-    fn next_direction(&mut self, rz: Lane) -> Lane {
-        let (z, mut next) = self.inverse.apply(&self.r);
-        self.islands.correct(&self.r, z, &mut next);
-        let beta: Lane32 = std::array::from_fn(|lane| match rz[lane] {
-            0.0 => 0.0,
-            rz => (next[lane] / rz) as f32,
-        });
-        for (p, z) in self.p.iter_mut().zip(z) {
-            for lane in 0..LANES {
-                p[lane] = z[lane] + beta[lane] * p[lane];
-            }
-        }
-        next
-    }
-
-    /// q = K p and α = (r·z)/(p·q); zero for columns that are done.
-    fn step_lengths(
-        &mut self,
-        matrix: &StiffnessMatrix,
-        active: &mut [bool; LANES],
-        rz: Lane,
-        iteration: usize,
-    ) -> Result<Lane, SolveError> {
-        let curvature = matrix.apply(&self.p, &mut self.q);
-        let mut alpha = [0.0; LANES];
-        for (column, active) in active.iter_mut().enumerate().filter(|(_, active)| **active) {
-            let (rz, curvature) = (rz[column], curvature[column]);
-            if !(rz.is_finite() && curvature.is_finite()) {
+    /// Columns without a residual are done; others must have a finite, positive r·z.
+    fn check(&mut self, iteration: usize) -> Result<(), SolveError> {
+        for (column, active) in self.active.iter_mut().enumerate() {
+            let rz = self.rz[column];
+            if *active && !rz.is_finite() {
                 return Err(SolveError::NonFinite { column, iteration });
             }
-            if rz == 0.0 {
-                *active = false;
-            } else if curvature <= 0.0 || rz < 0.0 {
-                return Err(SolveError::Indefinite { column, iteration, curvature });
-            } else {
-                alpha[column] = rz / curvature;
+            if *active && rz < 0.0 {
+                return Err(SolveError::Indefinite { column, iteration, curvature: rz });
             }
+            *active &= rz > 0.0;
         }
-        Ok(alpha)
+        Ok(())
     }
 
-    /// x += α p, r -= α q on the free rows. On fixed rows p is zero.
-    fn advance(&mut self, fixed: &[bool], x: &mut [Lane], alpha: Lane) {
-        for ((((x, r), p), q), &fixed) in x.iter_mut().zip(&mut self.r).zip(&self.p).zip(&self.q).zip(fixed) {
-            let free = if fixed { 0.0 } else { 1.0 };
-            for lane in 0..LANES {
-                x[lane] += alpha[lane] * f64::from(p[lane]);
-                r[lane] -= free * alpha[lane] * q[lane];
+    fn lengths_are_usual(&self) -> bool {
+        self.lengths.iter().all(|length| USUAL_LENGTHS.contains(length))
+    }
+
+    fn take_usual_lengths(&mut self) {
+        for column in 0..self.active.len() {
+            let length = if self.active[column] { self.lengths[column] } else { 0.0 };
+            (self.a[column], self.b[column]) = (length, 0.0);
+            self.before[column] = length * self.rz[column];
+        }
+    }
+
+    /// The step to the least energy in the span of z and p: the 2 by 2 system of their energies.
+    fn minimise(&mut self, fields: &mut impl Operator, iteration: usize) -> Result<(), SolveError> {
+        let (of_z, of_both) = fields.curvatures(&self.active);
+        for column in 0..self.active.len() {
+            (self.a[column], self.b[column], self.before[column]) = (0.0, 0.0, 0.0);
+            if !self.active[column] {
+                // It does not move, so it has no last step.
+                self.curvature[column] = 0.0;
+                continue;
+            }
+            let (zz, zp) = (of_z[column], of_both[column]);
+            if !(zz.is_finite() && zp.is_finite()) {
+                return Err(SolveError::NonFinite { column, iteration });
+            }
+            if zz <= 0.0 {
+                return Err(SolveError::Indefinite { column, iteration, curvature: zz });
+            }
+            let (rz, pp) = (self.rz[column], self.curvature[column]);
+            (self.a[column], self.before[column]) = (rz / zz, rz * rz / zz);
+            let determinant = zz * pp - zp * zp;
+            if iteration > 0 && determinant > PARALLEL * zz * pp {
+                let rp = self.along[column];
+                self.a[column] = (rz * pp - rp * zp) / determinant;
+                self.b[column] = (rp * zz - rz * zp) / determinant;
+                self.before[column] = self.a[column] * rz + self.b[column] * rp;
             }
         }
+        Ok(())
     }
-}
 
-/// Largest ratio over the columns of the norm of K x on free rows to that on fixed rows.
-fn residual(fixed: &[bool], kx: &[Lane]) -> f64 {
-    let (mut of_free, mut of_fixed) = ([0.0; LANES], [0.0; LANES]);
-    for (&fixed, kx) in fixed.iter().zip(kx) {
-        let held = if fixed { 1.0 } else { 0.0 };
-        for lane in 0..LANES {
-            let square = kx[lane] * kx[lane];
-            of_free[lane] += (1.0 - held) * square;
-            of_fixed[lane] += held * square;
+    /// What the step was worth. `exact` when its length was computed, not assumed.
+    fn record(&mut self, fields: &impl Operator, iteration: usize, exact: bool) -> Result<(), SolveError> {
+        let state = fields.state();
+        let columns = self.active.len();
+        for column in (0..columns).filter(|&column| self.active[column]) {
+            let (before, after) = (self.before[column], state.along[column]);
+            let energy = state.energies[column * columns + column];
+            if !(energy.is_finite() && after.is_finite()) {
+                return Err(SolveError::NonFinite { column, iteration });
+            }
+            let fallen = before - after;
+            let reliable = exact || fallen > UNRELIABLE * before;
+            let curvature = if exact || !reliable { before } else { fallen };
+            let best = before / curvature;
+            if iteration == 0 {
+                self.lengths[column] = if reliable { self.a[column] * best } else { f64::NAN };
+            }
+            (self.along[column], self.curvature[column]) = (after, curvature);
+            self.error.record(column, Step {
+                alpha: self.a[column] * best,
+                rz: self.rz[column],
+                drop: before * best,
+                excess: if reliable { after * after / curvature } else { energy },
+                energy,
+            });
         }
+        self.error.advance(exact);
+        Ok(())
     }
-    (0..LANES)
-        .filter(|&lane| of_fixed[lane] > 0.0)
-        .map(|lane| (of_free[lane] / of_fixed[lane]).sqrt())
-        .fold(0.0, f64::max)
 }

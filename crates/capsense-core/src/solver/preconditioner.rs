@@ -1,8 +1,6 @@
 //! Approximations of K⁻¹ on the free rows.
 
 use super::aggregation::AggregationMultigrid;
-use super::lattice::LatticeMultigrid;
-use crate::mesh::Lattice;
 use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
 
 /// Which approximate inverse the conjugate gradients are preconditioned with.
@@ -24,7 +22,6 @@ pub enum Preconditioner {
 /// An approximate inverse with its numbers.
 #[derive(Clone, Debug)]
 pub(super) enum ApproximateInverse {
-    Lattice(Box<LatticeMultigrid>),
     Aggregation(Box<AggregationMultigrid>),
     /// What each row is multiplied with, and the product.
     Diagonal {
@@ -35,13 +32,10 @@ pub(super) enum ApproximateInverse {
 }
 
 impl ApproximateInverse {
-    pub(super) fn new(kind: Preconditioner, rows: usize, lattice: Option<&Lattice>) -> Self {
-        match (kind, lattice) {
-            (Preconditioner::Multigrid, Some(lattice)) => {
-                Self::Lattice(Box::new(LatticeMultigrid::new(lattice)))
-            }
-            (Preconditioner::Multigrid, None) => Self::Aggregation(Box::default()),
-            (kind, _) => Self::Diagonal { kind, factors: vec![0.0; rows], z: vec![[0.0; LANES]; rows] },
+    pub(super) fn new(kind: Preconditioner, rows: usize) -> Self {
+        match kind {
+            Preconditioner::Multigrid => Self::Aggregation(Box::default()),
+            kind => Self::Diagonal { kind, factors: vec![0.0; rows], z: vec![[0.0; LANES]; rows] },
         }
     }
 
@@ -53,7 +47,6 @@ impl ApproximateInverse {
         changed: impl Iterator<Item = u32>,
     ) {
         match self {
-            Self::Lattice(multigrid) => multigrid.refresh(matrix, fixed, changed),
             Self::Aggregation(multigrid) => multigrid.refresh(matrix, fixed, changed),
             Self::Diagonal { kind, factors, .. } => {
                 for row in changed {
@@ -71,7 +64,6 @@ impl ApproximateInverse {
     /// z = M r, zero on fixed rows, and the columns' r·z. There may be fewer rows in z than in r; the others are zero.
     pub(super) fn apply(&mut self, r: &[Lane]) -> (&mut [Lane32], Lane) {
         match self {
-            Self::Lattice(multigrid) => multigrid.apply(r),
             Self::Aggregation(multigrid) => multigrid.apply(r),
             Self::Diagonal { factors, z, .. } => {
                 for ((z, r), factor) in z.iter_mut().zip(r).zip(factors) {

@@ -43,6 +43,10 @@ impl CsrValues {
         &self.matrix
     }
 
+    pub(super) fn weight(&self, edge: usize) -> f64 {
+        -self.matrix.values()[self.slots[edge][0] as usize]
+    }
+
     pub(super) fn set_weight(&mut self, edge: usize, weight: f64) {
         for slot in self.slots[edge] {
             self.matrix.values_mut()[slot as usize] = -weight;

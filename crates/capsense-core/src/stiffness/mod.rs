@@ -13,7 +13,7 @@ mod network;
 pub use network::{EdgeNetwork, barycentric_gradients};
 
 use crate::mesh::Edges;
-use crate::occupancy::Occupancy;
+use crate::occupancy::{Coupling, Occupancy};
 use csr::CsrValues;
 use lattice::LatticeValues;
 use nalgebra_sparse::CsrMatrix;
@@ -36,9 +36,33 @@ pub struct StiffnessMatrix {
     links: Vec<WeightedLink>,
     /// Sum of the weights of each node's links.
     link_sums: Vec<f64>,
-    dirty: Vec<bool>,
-    /// Rows whose values the last update recomputed.
-    changed_rows: Vec<u32>,
+    /// Nodes whose links are to be summed up anew.
+    relinked: NodeSet,
+    /// Nodes in whose rows the last update changed values.
+    changed_rows: NodeSet,
+}
+
+/// Some nodes, in the order in which they were added.
+#[derive(Clone, Debug)]
+struct NodeSet {
+    nodes: Vec<u32>,
+    contains: Vec<bool>,
+}
+
+impl NodeSet {
+    fn empty(nodes: usize) -> Self {
+        Self { nodes: Vec::new(), contains: vec![false; nodes] }
+    }
+
+    fn insert(&mut self, node: u32) {
+        if !std::mem::replace(&mut self.contains[node as usize], true) {
+            self.nodes.push(node);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.nodes.drain(..).for_each(|node| self.contains[node as usize] = false);
+    }
 }
 
 /// The current weights, stored as the mesh allows.
@@ -57,21 +81,34 @@ struct WeightedLink {
 }
 
 impl StiffnessMatrix {
-    /// Builds the matrix of a network without objects.
+    /// Builds the matrix of a network without objects; that of a lattice is kept without indices.
     pub fn new(network: EdgeNetwork, nodes: usize) -> Self {
-        let values = match network.edges() {
-            Edges::Lattice(lattice) => Values::Lattice(LatticeValues::new(lattice, network.weights())),
-            edges @ Edges::List(_) => Values::Csr(CsrValues::new(edges, network.weights(), nodes)),
-        };
+        match network.edges() {
+            Edges::Lattice(lattice) => {
+                let values = LatticeValues::new(lattice, network.weights());
+                Self::with_values(network, nodes, Values::Lattice(values))
+            }
+            Edges::List(_) => Self::in_rows(network, nodes),
+        }
+    }
+
+    /// Builds the matrix in compressed rows, whatever the network.
+    pub fn in_rows(network: EdgeNetwork, nodes: usize) -> Self {
+        let values = CsrValues::new(network.edges(), network.weights(), nodes);
+        Self::with_values(network, nodes, Values::Csr(values))
+    }
+
+    fn with_values(network: EdgeNetwork, nodes: usize, values: Values) -> Self {
         let mut matrix = Self {
             network,
             nodes,
             values,
             links: Vec::new(),
             link_sums: vec![0.0; nodes],
-            dirty: vec![true; nodes],
-            changed_rows: (0..nodes as u32).collect(),
+            relinked: NodeSet::empty(nodes),
+            changed_rows: NodeSet::empty(nodes),
         };
+        (0..nodes as u32).for_each(|node| matrix.changed_rows.insert(node));
         matrix.refresh_diagonal();
         matrix
     }
@@ -79,49 +116,79 @@ impl StiffnessMatrix {
     /// Takes over what changed in the occupancy. Only changed rows are touched.
     pub fn update(&mut self, occupancy: &Occupancy) {
         self.changed_rows.clear();
-        for index in 0..self.links.len() {
-            let node = self.links[index].node;
-            self.link_sums[node as usize] = 0.0;
-            self.mark(node);
-        }
-        self.links.clear();
+        let couplings = occupancy.couplings();
         for &edge in occupancy.changed_edges() {
             let edge = edge as usize;
             let base = self.network.weights()[edge];
             // Negative weights are no capacitors; they are left as they are.
-            let weight = if base > 0.0 { base * occupancy.through()[edge] } else { base };
-            match &mut self.values {
-                Values::Lattice(values) => values.set_weight(edge, weight),
-                Values::Csr(values) => values.set_weight(edge, weight),
-            }
-            for node in self.network.edges().ends(edge).into_iter().flatten() {
-                self.mark(node);
+            if base > 0.0 {
+                let ends = self.network.edges().ends_of_existing(edge);
+                self.set_weight(edge, ends, base * couplings[edge].through);
+                for (node, factor) in ends.into_iter().zip(couplings[edge].factor) {
+                    if factor != 0.0 || self.link_sums[node as usize] != 0.0 {
+                        self.relinked.insert(node);
+                    }
+                }
             }
         }
-        for link in occupancy.links() {
-            let base = self.network.weights()[link.edge as usize];
-            if base > 0.0 {
-                let (weight, object_row) = (base * link.factor, self.nodes as u32 + u32::from(link.object));
-                self.links.push(WeightedLink { node: link.node, object_row, weight });
-                self.link_sums[link.node as usize] += weight;
-                self.mark(link.node);
-            }
+        self.sum_links(couplings);
+        if !occupancy.changed_edges().is_empty() {
+            self.collect_links(occupancy);
         }
         self.refresh_diagonal();
     }
 
-    fn mark(&mut self, row: u32) {
-        if !std::mem::replace(&mut self.dirty[row as usize], true) {
-            self.changed_rows.push(row);
+    fn set_weight(&mut self, edge: usize, ends: [u32; 2], weight: f64) {
+        let before = match &self.values {
+            Values::Lattice(values) => values.weight(edge / 3, edge % 3),
+            Values::Csr(values) => values.weight(edge),
+        };
+        if before.to_bits() == weight.to_bits() {
+            return;
+        }
+        match &mut self.values {
+            Values::Lattice(values) => values.set_weight(edge, weight),
+            Values::Csr(values) => values.set_weight(edge, weight),
+        }
+        ends.into_iter().for_each(|node| self.changed_rows.insert(node));
+    }
+
+    /// Sums up the links at nodes anew, always in the same order.
+    fn sum_links(&mut self, couplings: &[Coupling]) {
+        let (edges, weights) = (self.network.edges(), self.network.weights());
+        for &node in &self.relinked.nodes {
+            let mut sum = 0.0;
+            edges.for_edges_at(node as usize, |edge, end| {
+                if weights[edge] > 0.0 {
+                    sum += weights[edge] * couplings[edge].factor[end];
+                }
+            });
+            if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
+                self.link_sums[node as usize] = sum;
+                self.changed_rows.insert(node);
+            }
+        }
+        self.relinked.clear();
+    }
+
+    fn collect_links(&mut self, occupancy: &Occupancy) {
+        self.links.clear();
+        for &edge in occupancy.linked_edges() {
+            let base = self.network.weights()[edge as usize];
+            if base > 0.0 {
+                let ends = self.network.edges().ends_of_existing(edge as usize);
+                for (end, object, factor) in occupancy.couplings()[edge as usize].links() {
+                    let object_row = self.nodes as u32 + u32::from(object);
+                    self.links.push(WeightedLink { node: ends[end], object_row, weight: base * factor });
+                }
+            }
         }
     }
 
     fn refresh_diagonal(&mut self) {
-        for &row in &self.changed_rows {
-            let row = row as usize;
-            self.dirty[row] = false;
-            if let Values::Csr(values) = &mut self.values {
-                values.refresh_diagonal(row, self.link_sums[row]);
+        if let Values::Csr(values) = &mut self.values {
+            for &row in &self.changed_rows.nodes {
+                values.refresh_diagonal(row as usize, self.link_sums[row as usize]);
             }
         }
     }
@@ -185,9 +252,35 @@ impl StiffnessMatrix {
         self.link_sums[node]
     }
 
-    /// Rows that the last update recomputed; all rows of a new matrix.
+    /// Links from nodes to objects: node, object, weight.
+    pub(crate) fn object_links(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.links.iter().map(|link| (link.node as usize, link.object_row as usize - self.nodes, link.weight))
+    }
+
+    /// Visits the two rows and the weight of every edge and of every link.
+    pub(crate) fn for_each_weight(&self, mut visit: impl FnMut([usize; 2], f64)) {
+        for edge in 0..self.network.edges().len() {
+            if let Some([a, b]) = self.network.edges().ends(edge) {
+                let weight = match &self.values {
+                    Values::Lattice(values) => values.weight(edge / 3, edge % 3),
+                    Values::Csr(values) => values.weight(edge),
+                };
+                visit([a as usize, b as usize], weight);
+            }
+        }
+        for link in &self.links {
+            visit([link.node as usize, link.object_row as usize], link.weight);
+        }
+    }
+
+    /// Whether this is the matrix of a lattice, without indices.
+    pub(crate) fn is_lattice(&self) -> bool {
+        matches!(self.values, Values::Lattice(_))
+    }
+
+    /// Nodes whose rows hold other values since the last update, on the diagonal or beside it; all of a new matrix.
     pub fn changed_rows(&self) -> &[u32] {
-        &self.changed_rows
+        &self.changed_rows.nodes
     }
 
     /// y = K x, all columns at once, and the columns' energies xᵀKx.

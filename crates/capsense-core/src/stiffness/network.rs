@@ -4,7 +4,7 @@
 //! w_ij = -Σ_e ε_e ∫_e ∇λ_i·∇λ_j, relative permittivity times length, in metres. Edges without a weight, such as the
 //! diagonals of Kuhn tetrahedra, are left out.
 
-use crate::mesh::{Edges, Lattice, TetMesh, signed_volume};
+use crate::mesh::{EdgeList, Edges, Lattice, TetMesh, signed_volume};
 use crate::occupancy::SMALLEST_PART;
 use crate::sensor::Sensor;
 use glam::DVec3;
@@ -64,7 +64,7 @@ impl EdgeNetwork {
                 permittivity.push(mean_permittivity(weight, vacuum));
             }
         }
-        Self { edges: Edges::List(ends), weights, permittivity }
+        Self { edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))), weights, permittivity }
     }
 
     /// Assembles the network of a lattice; `permittivity` is that of its tetrahedra, six for each cell.

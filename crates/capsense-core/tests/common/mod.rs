@@ -5,6 +5,7 @@
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
+use capsense_core::mesh::TetMesh;
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign};
 use capsense_core::solver::SolverOptions;
@@ -61,11 +62,16 @@ pub fn bar(height: f64, shift: f64) -> Aabb {
 
 /// The same sensor on the same mesh, which no longer is known to be a lattice.
 pub fn without_lattice(sensor: &Sensor) -> Sensor {
+    on_other_mesh(sensor, sensor.mesh().clone())
+}
+
+/// The same terminals on another mesh with the same nodes, not known to be a lattice.
+pub fn on_other_mesh(sensor: &Sensor, mesh: TetMesh) -> Sensor {
     let nodes_of = |terminal: u16| -> Vec<u32> {
         let of_terminal = sensor.terminals().iter().zip(0..).filter(|(held, _)| **held == terminal);
         of_terminal.map(|(_, node)| node).collect()
     };
     let names = sensor.electrode_names().iter().cloned();
     let electrodes = names.zip(1..).map(|(name, t)| (name, ElectrodeNodes::Nodes(nodes_of(t)))).collect();
-    Sensor::on_mesh(sensor.mesh().clone(), &nodes_of(GROUND), electrodes).unwrap()
+    Sensor::on_mesh(mesh, &nodes_of(GROUND), electrodes).unwrap()
 }

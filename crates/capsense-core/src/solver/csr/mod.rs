@@ -317,17 +317,17 @@ fn add_islands<const L: usize>(
     z: &mut [[f32; L]],
     products: &mut [f64; L],
 ) {
-    for (nodes, stiffness) in islands.each() {
-        let island = || nodes.iter().map(|&node| rows.row_of(node as usize));
-        let mut charge = [0.0; L];
-        island().for_each(|row| add(&mut charge, &kx[row]));
-        for row in island() {
-            for lane in 0..L {
-                let before = f64::from(z[row][lane]);
-                z[row][lane] = (before - charge[lane] / stiffness) as f32;
-                products[lane] -= kx[row][lane] * (f64::from(z[row][lane]) - before);
-            }
-        }
+    let row = |node: u32| rows.row_of(node as usize);
+    for (lane, product) in products.iter_mut().enumerate() {
+        *product += islands.correct(
+            |node| -kx[row(node)][lane],
+            |node, shift| {
+                let z = &mut z[row(node)][lane];
+                let before = f64::from(*z);
+                *z = (before + shift) as f32;
+                f64::from(*z) - before
+            },
+        );
     }
 }
 

@@ -1,154 +1,128 @@
-//! One level of the lattice hierarchy: a 7-point network in single precision, and red-black Gauss-Seidel on it.
-//!
-//! Nodes are coloured like a chess board, so no two of one colour are neighbours: their order does not matter, and the
-//! result is the same however the work is divided.
+//! One level of the hierarchy: red-black Gauss-Seidel, fused so that the lattice is walked through once.
 
-use crate::stiffness::{LANES, Lane32};
+use super::layout::{BLACK, Coloured, Layout, RED};
+use super::network::{Changed, Network};
+use super::stencil::Stencil;
+use pulp::Simd;
 
-/// A 7-point network. All arrays are padded by one plane at either end. Edges that would lead out of the lattice have the
-/// weight zero, so nodes need not know whether they are at its end.
+/// A level's network and vectors, column after column.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
-    /// Number of nodes along each axis.
-    pub(super) counts: [usize; 3],
-    pub(super) stencil: Vec<Stencil>,
-    /// Weight to fixed potentials that are no nodes of this level.
-    pub(super) leak: Vec<f32>,
-    /// Right-hand side, correction and residual. The residual is that of red nodes; at black ones it is zero.
-    pub(super) b: Vec<Lane32>,
-    pub(super) x: Vec<Lane32>,
-    pub(super) r: Vec<Lane32>,
-}
-
-/// What a node is coupled by.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Stencil {
-    /// Weight to the next node along each axis.
-    pub(super) next: [f32; 3],
-    /// Inverse of the diagonal; zero where the potential is fixed.
-    pub(super) inverse: f32,
-}
-
-/// Nodes whose three indices have an even sum are red.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Colour {
-    Red,
-    Black,
+    pub(super) stencil: Stencil<f32>,
+    /// Right-hand side and correction.
+    pub(super) b: Coloured<f32>,
+    pub(super) x: Coloured<f32>,
+    /// The residual of red nodes after a sweep; that of black ones is zero.
+    pub(super) r: Vec<f32>,
 }
 
 impl Level {
-    pub(super) fn new(counts: [usize; 3]) -> Self {
-        let padded = counts[0] * counts[1] * (counts[2] + 2);
-        let vectors = || vec![[0.0; LANES]; padded];
+    pub(super) fn new(layout: Layout, columns: usize) -> Self {
         Self {
-            counts,
-            stencil: vec![Stencil::default(); padded],
-            leak: vec![0.0; padded],
-            b: vectors(),
-            x: vectors(),
-            r: vectors(),
+            stencil: Stencil::new(layout),
+            b: layout.zeros(columns),
+            x: layout.zeros(columns),
+            r: vec![0.0; columns * layout.len()],
         }
     }
 
-    /// Distance in the arrays between neighbours along each axis.
-    pub(super) fn strides(&self) -> [usize; 3] {
-        [1, self.counts[0], self.counts[0] * self.counts[1]]
+    #[inline(always)]
+    pub(super) fn layout(&self) -> &Layout {
+        &self.stencil.layout
     }
 
-    /// Place of a node in the arrays.
-    pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        ((k + 1) * self.counts[1] + j) * self.counts[0] + i
-    }
-
-    /// Places of all nodes in the arrays, in their order.
-    pub(super) fn nodes(&self) -> std::ops::Range<usize> {
-        let plane = self.counts[0] * self.counts[1];
-        plane..plane * (self.counts[2] + 1)
-    }
-
-    /// Weight from a node to the next along an axis.
-    pub(super) fn weight(&self, axis: usize, at: usize) -> f32 {
-        self.stencil[at].next[axis]
-    }
-
-    /// Sum of the weights around a node.
-    pub(super) fn diagonal(&self, at: usize) -> f32 {
-        let strides = self.strides();
-        let weights = (0..3).map(|axis| self.weight(axis, at) + self.weight(axis, at - strides[axis]));
-        weights.sum::<f32>() + self.leak[at]
-    }
-
-    /// Sets the inverse of the diagonal, or fixes the potential.
-    pub(super) fn set_inverse(&mut self, at: usize, fixed: bool) {
-        let diagonal = self.diagonal(at);
-        self.stencil[at].inverse = if fixed || diagonal == 0.0 { 0.0 } else { 1.0 / diagonal };
-    }
-
-    pub(super) fn is_fixed(&self, at: usize) -> bool {
-        self.stencil[at].inverse == 0.0
-    }
-
-    /// x = one sweep on K x = b from zero, and r = b - K x after it: red nodes see no neighbours, and what black ones
-    /// add is all that is left over at the red ones.
-    pub(super) fn smooth_from_zero(&mut self) {
-        for row in self.rows(Colour::Red) {
-            for at in row.step_by(2) {
-                let inverse = self.stencil[at].inverse;
-                self.x[at] = self.b[at].map(|b| inverse * b);
+    /// Takes over the network where it changed.
+    pub(super) fn refresh(&mut self, network: &Network, changed: &Changed) {
+        changed.for_each_row(|nodes, j, k| {
+            for i in nodes {
+                let (colour, at) = self.stencil.layout.place([i, j, k]);
+                let node = &network.nodes[network.index([i, j, k])];
+                for axis in 0..3 {
+                    self.stencil.next[axis][colour][at] = node.next[axis];
+                }
+                self.stencil.centre[colour][at] = node.inverse;
             }
-        }
-        self.relax(Colour::Black);
-        let [_, sy, sz] = self.strides();
-        for row in self.rows(Colour::Red) {
-            for at in row.step_by(2) {
-                self.r[at] = neighbours(&self.stencil, &self.x, at, sy, sz);
+        });
+    }
+
+    /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and
+    /// what black ones add is all that is left over at the red ones.
+    #[inline(always)]
+    pub(super) fn smooth_from_zero<S: Simd>(&mut self, simd: S, active: &[usize]) {
+        let planes = self.layout().planes();
+        for k in planes.start..planes.end + 2 {
+            if k < planes.end {
+                self.scale_red(simd, k, active);
+            }
+            if k > planes.start && k <= planes.end {
+                self.relax(simd, BLACK, k - 1, active);
+            }
+            if k > planes.start + 1 {
+                self.red_residual(simd, k - 2, active);
             }
         }
     }
 
-    /// One sweep on K x = b in the order that makes it, after [`Level::smooth_from_zero`], a symmetric smoother.
-    pub(super) fn smooth(&mut self) {
-        self.relax(Colour::Black);
-        self.relax(Colour::Red);
+    /// Once the red nodes of plane k are corrected: the black ones of the plane before are relaxed, then the red ones of
+    /// that before it. After the last plane, two more calls finish the sweep.
+    #[inline(always)]
+    pub(super) fn smooth_behind<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
+        let planes = self.layout().planes();
+        if k > planes.start && k <= planes.end {
+            self.relax(simd, BLACK, k - 1, active);
+        }
+        if k > planes.start + 1 {
+            self.relax(simd, RED, k - 2, active);
+        }
     }
 
-    /// Two sweeps on K x = b, symmetric by themselves.
-    pub(super) fn smooth_both_ways(&mut self) {
-        self.relax(Colour::Red);
-        self.smooth();
-    }
-
-    /// Solves the equations of all nodes of one colour.
-    fn relax(&mut self, colour: Colour) {
-        let [_, sy, sz] = self.strides();
-        for row in self.rows(colour) {
-            for at in row.step_by(2) {
-                let sum = neighbours(&self.stencil, &self.x, at, sy, sz);
-                let (inverse, b) = (self.stencil[at].inverse, self.b[at]);
-                self.x[at] = std::array::from_fn(|lane| inverse * (b[lane] + sum[lane]));
+    /// Some symmetric sweeps from zero, for a level that has no coarser one.
+    #[inline(always)]
+    pub(super) fn solve<S: Simd>(&mut self, simd: S, sweeps: usize, active: &[usize]) {
+        let planes = self.layout().planes();
+        for k in planes.start..planes.end {
+            self.scale_red(simd, k, active);
+        }
+        for sweep in 0..2 * sweeps {
+            for k in planes.start..planes.end {
+                self.relax(simd, [BLACK, RED][sweep % 2], k, active);
             }
         }
     }
 
-    /// Each row from its first node of a colour to its end.
-    fn rows(&self, colour: Colour) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
-        let [nx, ny, _] = self.counts;
-        let first = usize::from(colour == Colour::Black);
-        let rows = self.nodes().step_by(nx).enumerate();
-        rows.map(move |(row, at)| at + (row % ny + row / ny + first) % 2..at + nx)
+    /// x = D⁻¹ b at the red nodes of a plane.
+    #[inline(always)]
+    fn scale_red<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
+        let (len, places) = (self.layout().len(), self.layout().plane(k));
+        let stencil = self.stencil.piece(RED, places.start..places.end);
+        for column in active {
+            let at = column * len + places.start..column * len + places.end;
+            stencil.scale(simd, &mut self.x[RED][at.start..at.end], &self.b[RED][at]);
+        }
     }
-}
 
-/// Σ w x over the six neighbours of a node.
-#[inline(always)]
-fn neighbours(stencil: &[Stencil], x: &[Lane32], at: usize, sy: usize, sz: usize) -> Lane32 {
-    let [east, north, up] = stencil[at].next;
-    let (west, south, down) = (stencil[at - 1].next[0], stencil[at - sy].next[1], stencil[at - sz].next[2]);
-    let (xe, xw, xn, xs) = (&x[at + 1], &x[at - 1], &x[at + sy], &x[at - sy]);
-    let (xu, xd) = (&x[at + sz], &x[at - sz]);
-    std::array::from_fn(|lane| {
-        (west * xw[lane] + east * xe[lane])
-            + (south * xs[lane] + north * xn[lane])
-            + (down * xd[lane] + up * xu[lane])
-    })
+    /// Solves the equations of one colour in a plane.
+    #[inline(always)]
+    fn relax<S: Simd>(&mut self, simd: S, colour: usize, k: usize, active: &[usize]) {
+        let (len, places) = (self.layout().len(), self.layout().plane(k));
+        let [red, black] = &mut self.x;
+        let (own, other) = if colour == RED { (red, &*black) } else { (black, &*red) };
+        let stencil = self.stencil.piece(colour, places.start..places.end);
+        for column in active {
+            let at = column * len + places.start..column * len + places.end;
+            let b = &self.b[colour][at.start..at.end];
+            stencil.relax(simd, &mut own[at], b, &other[column * len..(column + 1) * len]);
+        }
+    }
+
+    /// r = Σ w x at the red nodes of a plane.
+    #[inline(always)]
+    fn red_residual<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
+        let (len, places) = (self.layout().len(), self.layout().plane(k));
+        let stencil = self.stencil.piece(RED, places.start..places.end);
+        for column in active {
+            let r = &mut self.r[column * len + places.start..column * len + places.end];
+            stencil.gather(simd, r, &self.x[BLACK][column * len..(column + 1) * len]);
+        }
+    }
 }

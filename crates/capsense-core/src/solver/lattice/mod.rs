@@ -1,276 +1,196 @@
-//! Geometric multigrid on the tensor lattice: an approximate K⁻¹ in single precision.
-//!
-//! A graded lattice has cells stretched in every direction somewhere. Point smoothing alone fails on them, so levels
-//! are made coarser where spacing is small: each step merges only those neighbouring cells of one axis that together
-//! are no longer than a length which doubles from step to step. Cells become more equal from level to level, and errors
-//! that a level cannot smooth along a short spacing are smooth on the level where that spacing is gone.
+//! The solver on lattices: the 7-point network without indices in double precision, preconditioned by geometric
+//! multigrid in single precision.
 
+mod hierarchy;
+mod layout;
 mod level;
+mod network;
+mod operator;
+mod stage;
+mod stencil;
+mod sums;
 mod transfer;
 
-use super::preconditioner::products;
+use super::islands::Islands;
+use super::operator::State;
 use crate::mesh::Lattice;
-use crate::stiffness::{LANES, Lane, Lane32, StiffnessMatrix};
-use level::Level;
-use transfer::{IndexBox, Transfer};
+use crate::occupancy::Occupancy;
+use crate::stiffness::StiffnessMatrix;
+use hierarchy::Hierarchy;
+use layout::{Coloured, Layout};
+use pulp::Arch;
+use std::ops::Range;
+use stencil::Stencil;
+use sums::Sums;
 
-/// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.
-const SLACK: f64 = 1.05;
-
-/// An axis with no more planes than this is coarse enough.
-const FEW_PLANES: usize = 4;
-
-/// Symmetric Gauss-Seidel sweeps on the coarsest level.
-const COARSEST_SWEEPS: usize = 4;
-
-/// The hierarchy of a lattice.
+/// Fields on a lattice with everything needed to improve them.
 #[derive(Clone, Debug)]
-pub(super) struct LatticeMultigrid {
-    /// From fine to coarse.
-    levels: Vec<Level>,
-    transfers: Vec<Transfer>,
+pub(crate) struct LatticeSolver {
+    columns: usize,
+    /// K over the nodes; what links nodes to objects is on the diagonal.
+    stencil: Stencil<f64>,
+    links: ObjectLinks,
+    x: Coloured<f64>,
+    /// The last step but for a factor, which each column has its own.
+    p: Coloured<f32>,
+    scale: Vec<f64>,
+    /// Its finest level holds r and z.
+    hierarchy: Hierarchy,
+    islands: Islands,
+    /// Columns that are worked on.
+    active: Vec<usize>,
+    /// rᵀz, or zᵀKz and zᵀKp.
+    products: [Vec<f64>; 2],
+    sums: Sums,
+    state: State,
+    arch: Arch,
 }
 
-impl LatticeMultigrid {
-    /// Plans the levels; weights come with [`LatticeMultigrid::refresh`].
-    pub(super) fn new(lattice: &Lattice) -> Self {
-        let mut planes = lattice.axes().clone();
-        let mut levels = vec![Level::new(lattice.node_counts())];
-        let mut transfers = Vec::new();
-        let spacings = planes.iter().flat_map(|axis| axis.windows(2)).map(|pair| pair[1] - pair[0]);
-        let mut length = spacings.fold(f64::INFINITY, f64::min);
-        while planes.iter().any(|axis| axis.len() > FEW_PLANES) {
-            length *= 2.0;
-            for (axis, planes) in planes.iter_mut().enumerate() {
-                let kept = kept_planes(planes, length * SLACK);
-                if kept.contains(&false) {
-                    let fine = &levels[levels.len() - 1];
-                    let transfer = Transfer::new(fine, axis, &kept);
-                    levels.push(Level::new(transfer.coarse_counts(fine)));
-                    transfers.push(transfer);
-                    let mut kept = kept.into_iter();
-                    planes.retain(|_| kept.next().unwrap_or(true));
+/// Links to objects that are at 1 V in some column.
+#[derive(Clone, Debug, Default)]
+struct ObjectLinks {
+    /// In the order of colours and places.
+    links: Vec<ObjectLink>,
+    /// Potentials of objects: object by object, all columns.
+    potentials: Vec<f64>,
+}
+
+/// A capacitance between a node and an object.
+#[derive(Clone, Copy, Debug)]
+struct ObjectLink {
+    colour: usize,
+    at: usize,
+    object: usize,
+    weight: f64,
+}
+
+impl LatticeSolver {
+    /// Zero fields on a lattice; `objects` conducting objects may be linked to. Weights come with
+    /// [`LatticeSolver::refresh`].
+    pub(crate) fn new(lattice: &Lattice, columns: usize, objects: usize, fixed: &[bool]) -> Self {
+        let counts = lattice.node_counts();
+        let layout = Layout::new(counts, fixed_margin(counts, fixed));
+        Self {
+            columns,
+            stencil: Stencil::new(layout),
+            links: ObjectLinks { links: Vec::new(), potentials: vec![0.0; objects * columns] },
+            x: layout.zeros(columns),
+            p: layout.zeros(columns),
+            scale: vec![0.0; columns],
+            hierarchy: Hierarchy::new(lattice, layout, columns),
+            islands: Islands::default(),
+            active: Vec::with_capacity(columns),
+            products: [vec![0.0; columns], vec![0.0; columns]],
+            sums: Sums::new(columns),
+            state: State::new(columns),
+            arch: Arch::new(),
+        }
+    }
+
+    fn nodes(&self) -> usize {
+        self.stencil.layout.counts.into_iter().product()
+    }
+
+    /// The potential of a row in one column.
+    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
+        match row.checked_sub(self.nodes()) {
+            Some(object) => self.links.potentials[object * self.columns + column],
+            None => {
+                let (colour, at) = self.place(column, row);
+                self.x[colour][at]
+            }
+        }
+    }
+
+    /// Sets the potential of a row in one column. The residual follows with the next [`LatticeSolver::refresh`] or
+    /// evaluation.
+    pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {
+        match row.checked_sub(self.nodes()) {
+            Some(object) => self.links.potentials[object * self.columns + column] = potential,
+            None => {
+                let (colour, at) = self.place(column, row);
+                self.x[colour][at] = potential;
+            }
+        }
+    }
+
+    /// Finds the bodies of very high permittivity, which need a direction of their own.
+    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+        self.islands.find(matrix, occupancy, fixed);
+    }
+
+    /// Where a node stands in the vectors.
+    fn place(&self, column: usize, node: usize) -> (usize, usize) {
+        let layout = &self.stencil.layout;
+        let (colour, at) = layout.place(layout.indices(node));
+        (colour, column * layout.len() + at)
+    }
+
+    /// Takes over the matrix and the fixed rows where they changed, and the residual there. `changed` must hold all
+    /// nodes whose row, state or neighbour's potential changed.
+    pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+        let layout = self.stencil.layout;
+        for node in changed.iter().map(|&node| node as usize) {
+            let (colour, at) = layout.place(layout.indices(node));
+            for axis in 0..3 {
+                self.stencil.next[axis][colour][at] = matrix.lattice_weight(node, axis);
+            }
+            self.stencil.centre[colour][at] = matrix.diagonal(node);
+        }
+        self.hierarchy.refresh(matrix, fixed, changed);
+        self.links.collect(&layout, matrix, self.columns);
+        for &node in changed {
+            self.refresh_residual(node as usize, fixed[node as usize]);
+        }
+    }
+
+    /// The residual of one node, with the same operations as everywhere else.
+    fn refresh_residual(&mut self, node: usize, fixed: bool) {
+        let layout = self.stencil.layout;
+        let (colour, at) = layout.place(layout.indices(node));
+        for column in 0..self.columns {
+            let start = column * layout.len();
+            let mut charge = 0.0;
+            if !fixed {
+                let of_other = &self.x[1 - colour][start..start + layout.len()];
+                charge = self.stencil.charge(colour, at, self.x[colour][start + at], of_other);
+                for link in self.links.between(colour, &(at..at + 1)) {
+                    charge -= link.weight * self.links.potentials[link.object * self.columns + column];
                 }
             }
-        }
-        Self { levels, transfers }
-    }
-
-    /// Takes over the matrix and the fixed rows. Only what depends on the given nodes is recomputed: all nodes whose
-    /// row or state changed, and those with links before or now.
-    pub(super) fn refresh(
-        &mut self,
-        matrix: &StiffnessMatrix,
-        fixed: &[bool],
-        changed: impl Iterator<Item = u32>,
-    ) {
-        let [nx, ny, _] = self.levels[0].counts;
-        let place = |node: usize| [node % nx, node / nx % ny, node / (nx * ny)];
-        let nowhere = || std::ops::Range { start: usize::MAX, end: 0 };
-        let mut region: IndexBox = std::array::from_fn(|_| nowhere());
-        for node in changed {
-            for (range, at) in region.iter_mut().zip(place(node as usize)) {
-                *range = range.start.min(at)..range.end.max(at + 1);
-            }
-        }
-        if region[0].is_empty() {
-            return;
-        }
-        self.refresh_finest(matrix, fixed, &region);
-        for (index, transfer) in self.transfers.iter_mut().enumerate() {
-            let (fine, coarse) = self.levels.split_at_mut(index + 1);
-            region = transfer.refresh(&fine[index], &mut coarse[0], &region);
+            self.hierarchy.levels[0].b[colour][start + at] = -charge as f32;
         }
     }
 }
 
-impl LatticeMultigrid {
-    fn refresh_finest(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], region: &IndexBox) {
-        let level = &mut self.levels[0];
-        let first = level.nodes().start;
-        let each = |level: &mut Level, margin: usize, visit: &mut dyn FnMut(&mut Level, usize)| {
-            for k in region[2].start.saturating_sub(margin)..region[2].end {
-                for j in region[1].start.saturating_sub(margin)..region[1].end {
-                    for i in region[0].start.saturating_sub(margin)..region[0].end {
-                        let at = level.index([i, j, k]);
-                        visit(level, at);
-                    }
-                }
-            }
-        };
-        // An edge's weight stands at its first node, one before the nodes that changed.
-        each(level, 1, &mut |level, at| {
-            level.stencil[at].next = [0, 1, 2].map(|axis| matrix.lattice_weight(at - first, axis) as f32);
-            level.leak[at] = matrix.link_weight(at - first) as f32;
-        });
-        each(level, 0, &mut |level, at| level.set_inverse(at, fixed[at - first]));
-    }
-
-    /// z = M r on node rows by one symmetric V-cycle, and the columns' r·z.
-    pub(super) fn apply(&mut self, r: &[Lane]) -> (&mut [Lane32], Lane) {
-        let nodes = self.levels[0].nodes();
-        for (b, r) in self.levels[0].b[nodes.clone()].iter_mut().zip(r) {
-            *b = r.map(|r| r as f32);
-        }
-        self.cycle();
-        let z = &mut self.levels[0].x[nodes];
-        let products = products(r, z);
-        (z, products)
-    }
-
-    fn cycle(&mut self) {
-        for (index, transfer) in self.transfers.iter().enumerate() {
-            let (fine, coarse) = self.levels.split_at_mut(index + 1);
-            fine[index].smooth_from_zero();
-            transfer.restrict(&fine[index], &mut coarse[0]);
-        }
-        if let Some(coarsest) = self.levels.last_mut() {
-            coarsest.x.fill([0.0; LANES]);
-            for _ in 0..COARSEST_SWEEPS {
-                coarsest.smooth_both_ways();
+impl ObjectLinks {
+    /// Takes those links of a matrix that lead to objects that are at 1 V in some column.
+    fn collect(&mut self, layout: &Layout, matrix: &StiffnessMatrix, columns: usize) {
+        self.links.clear();
+        for (node, object, weight) in matrix.object_links() {
+            if self.potentials[object * columns..][..columns].iter().any(|&potential| potential != 0.0) {
+                let (colour, at) = layout.place(layout.indices(node));
+                self.links.push(ObjectLink { colour, at, object, weight });
             }
         }
-        for (index, transfer) in self.transfers.iter().enumerate().rev() {
-            let (fine, coarse) = self.levels.split_at_mut(index + 1);
-            transfer.prolong(&mut fine[index], &coarse[0]);
-            fine[index].smooth();
+        self.links.sort_by_key(|link| (link.colour, link.at));
+    }
+
+    /// Those of nodes of one colour at some places.
+    fn between(&self, colour: usize, places: &Range<usize>) -> &[ObjectLink] {
+        if self.links.is_empty() {
+            return &[];
         }
+        let start = self.links.partition_point(|link| (link.colour, link.at) < (colour, places.start));
+        let end = self.links.partition_point(|link| (link.colour, link.at) < (colour, places.end));
+        &self.links[start..end]
     }
 }
 
-/// Merges neighbouring cells that together are at most so long, each with one neighbour at most.
-fn kept_planes(planes: &[f64], length: f64) -> Vec<bool> {
-    let mut kept = vec![true; planes.len()];
-    let mut start = 0;
-    while start + 2 < planes.len() {
-        let merge = planes[start + 2] - planes[start] <= length;
-        kept[start + 1] = !merge;
-        start += if merge { 2 } else { 1 };
-    }
-    kept
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Aabb;
-    use crate::material::{Connection, Material};
-    use crate::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView};
-    use crate::sensor::{FREE, GROUND};
-    use crate::stiffness::EdgeNetwork;
-    use glam::{DVec2, DVec3};
-
-    const DOMAIN: Aabb = Aabb { min: DVec3::ZERO, max: DVec3::ONE };
-
-    /// A graded lattice with grounded walls, a thin grounded plate in it that moves, and its multigrid.
-    struct Scene {
-        nodes: Vec<DVec3>,
-        terminals: Vec<u16>,
-        matrix: StiffnessMatrix,
-        occupancy: Occupancy,
-        multigrid: LatticeMultigrid,
-    }
-
-    impl Scene {
-        fn new() -> Self {
-            let axis = |low: usize| -> Vec<f64> {
-                (0..24).map(|i| ((i * (i + low)) as f64) / (23 * (23 + low)) as f64).collect()
-            };
-            let lattice = Lattice::new([axis(3), axis(5), axis(2)]).unwrap();
-            let mesh = lattice.to_tet_mesh().unwrap();
-            let network = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
-            let on_wall = |p: &DVec3| p.min_element() == 0.0 || p.max_element() == 1.0;
-            let terminals = mesh.nodes().iter().map(|p| if on_wall(p) { GROUND } else { FREE }).collect();
-            let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
-            let matrix = StiffnessMatrix::new(network, mesh.nodes().len());
-            let multigrid = LatticeMultigrid::new(&lattice);
-            let mut scene = Self { nodes: mesh.nodes().to_vec(), terminals, matrix, occupancy, multigrid };
-            scene.refresh();
-            scene
-        }
-
-        /// The plate between the heights 0.3 and 0.36 covers part of the view.
-        fn step(&mut self, corner: f64) {
-            let mut depth = DepthLayers::empty(OrthographicView { domain: DOMAIN, width: 32, height: 32 }, 1);
-            let view = *depth.view();
-            let (front, back) = depth.layer_mut(0);
-            for pixel in 0..32 * 32 {
-                let from_corner = view.pixel_centre(pixel % 32, pixel / 32) - DVec2::new(corner, 0.3);
-                if from_corner.min_element() > 0.0 && from_corner.max_element() < 0.1 {
-                    (front[pixel], back[pixel]) = (0.3, 0.36);
-                }
-            }
-            let network = self.matrix.network();
-            let mesh = EdgeGeometry {
-                nodes: &self.nodes,
-                terminals: &self.terminals,
-                edges: network.edges(),
-                permittivity: network.permittivity(),
-            };
-            self.occupancy.update(mesh, &[Material::Conductor(Connection::Grounded)], &depth);
-            self.matrix.update(&self.occupancy);
-            self.refresh();
-        }
-
-        fn refresh(&mut self) {
-            let conductors = self.occupancy.conductors();
-            let held = self.terminals.iter().zip(conductors);
-            let fixed: Vec<bool> = held
-                .map(|(&terminal, &object)| terminal != FREE || object != crate::occupancy::NO_OBJECT)
-                .collect();
-            let changed = self.matrix.changed_rows().iter().chain(self.occupancy.changed_nodes()).copied();
-            self.multigrid.refresh(&self.matrix, &fixed, changed);
-        }
-
-        /// Residuals without a pattern.
-        fn vector(&self, seed: u64) -> Vec<Lane> {
-            let mut state = seed;
-            let mut next = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 33) as f64 / f64::from(1u32 << 31) - 0.5
-            };
-            self.terminals.iter().map(|_| std::array::from_fn(|_| next())).collect()
-        }
-    }
-
-    #[test]
-    fn refreshing_what_changed_gives_the_bits_of_a_fresh_hierarchy() {
-        let mut moving = Scene::new();
-        for corner in [0.1, 0.12, 0.4, 0.44, 0.5, 0.52, 0.33] {
-            moving.step(corner);
-        }
-        let mut fresh = Scene::new();
-        fresh.step(0.33);
-        for (a, b) in moving.multigrid.levels.iter().zip(&fresh.multigrid.levels) {
-            assert_eq!(a.leak, b.leak);
-            for (a, b) in a.stencil.iter().zip(&b.stencil) {
-                assert_eq!((a.next, a.inverse), (b.next, b.inverse));
-            }
-        }
-    }
-
-    #[test]
-    fn the_cycle_is_symmetric_and_positive() {
-        let mut scene = Scene::new();
-        scene.step(0.2);
-        let (a, b) = (scene.vector(1), scene.vector(2));
-        let (of_a, a_a) = scene.multigrid.apply(&a);
-        let of_a = of_a.to_vec();
-        let (of_b, b_b) = scene.multigrid.apply(&b);
-        for lane in 0..LANES {
-            let product = |x: &[Lane], z: &[Lane32]| -> f64 {
-                x.iter().zip(z).map(|(x, z)| x[lane] * f64::from(z[lane])).sum()
-            };
-            let (b_of_a, a_of_b) = (product(&b, &of_a), product(&a, of_b));
-            assert!(a_a[lane] > 0.0 && b_b[lane] > 0.0);
-            assert!((b_of_a - a_of_b).abs() < 1e-5 * (a_a[lane] * b_b[lane]).sqrt(), "{b_of_a} {a_of_b}");
-        }
-    }
-
-    #[test]
-    fn planes_merge_where_they_are_close() {
-        let kept = kept_planes(&[0.0, 0.1, 0.2, 0.3, 0.6, 1.0], 0.21);
-        assert_eq!(kept, [true, false, true, true, true, true]);
-        assert_eq!(kept_planes(&[0.0, 1.0], 9.0), [true, true]);
-    }
+/// How many rows at either end of y, and planes at either end of z, are fixed: one each where all of the outermost are.
+fn fixed_margin([nx, ny, nz]: [usize; 3], fixed: &[bool]) -> [usize; 2] {
+    let row_is_fixed = |j: usize, k: usize| fixed[(k * ny + j) * nx..][..nx].iter().all(|&fixed| fixed);
+    let rows = (0..nz).all(|k| row_is_fixed(0, k) && row_is_fixed(ny - 1, k));
+    let planes = (0..ny).all(|j| row_is_fixed(j, 0) && row_is_fixed(j, nz - 1));
+    [usize::from(rows), usize::from(planes)]
 }

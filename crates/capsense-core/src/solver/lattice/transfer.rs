@@ -1,238 +1,377 @@
-//! From one level of the lattice hierarchy to the next coarser one and back.
+//! From one level to the next coarser one and back, plane by plane: the stages of all axes in one go.
 //!
-//! Some planes across one axis are eliminated, never two neighbours. Along that axis the two edges of an eliminated
-//! node are capacitors in series, the exact Schur complement of a line; what couples eliminated nodes to each other is
-//! divided among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and
-//! its edges become leaks, so that no conductor is lost on a coarse level, however thin.
+//! After a sweep only red nodes have a residual, and the sweep after the correction starts with the black nodes, which
+//! it computes from the red ones: so only red nodes are restricted and corrected.
 
+use super::layout::{BLOCK, Layout, RED};
 use super::level::Level;
-use crate::stiffness::{LANES, Lane32};
+use super::network::{Changed, Network};
+use super::stage::Stage;
+use pulp::Simd;
+use std::ops::Range;
 
-/// How a level is made coarser.
+/// Columns that are worked on side by side along x.
+const GROUP: usize = 4;
+
+/// How a level is made coarser: at most one stage for each axis.
 #[derive(Clone, Debug)]
 pub(super) struct Transfer {
-    axis: usize,
-    /// The coarse plane of each fine plane that is kept.
-    coarse_plane: Vec<Option<usize>>,
-    /// The fine plane of each coarse plane.
-    fine_plane: Vec<usize>,
-    /// The parts of the previous and of the next neighbour's value that an eliminated node takes. Zero for kept nodes.
-    share: [Vec<f32>; 2],
-    /// What is missing to one in the sum of both shares of an eliminated node.
-    lost: Vec<f32>,
+    z: Option<Stage>,
+    y: Option<Stage>,
+    x: Option<Stage>,
+    /// What is between the stages of z and y: a coarse plane, and the one before.
+    thick: [ThickPlane; 2],
+    thin: ThinPlane,
+    /// Where in a half row pair each coarse node is, and the nodes before and after it.
+    across_x: Vec<Triple>,
+    /// A thin row and a coarse row with several columns side by side: along x, neighbours are where they are.
+    lanes: Vec<[f32; GROUP]>,
+    coarse_lanes: Vec<[f32; GROUP]>,
 }
 
-/// Half-open ranges of node indices along the three axes.
-pub(super) type IndexBox = [std::ops::Range<usize>; 3];
+/// A plane of a level, apart by whether i + j is even or odd, places as in the level but for the plane's shift.
+#[derive(Clone, Debug)]
+struct ThickPlane {
+    len: usize,
+    values: [Vec<f32>; 2],
+}
+
+/// A plane with the rows of the coarse level, but all nodes along x: even ones in one piece, then odd ones.
+#[derive(Clone, Debug)]
+struct ThinPlane {
+    half: usize,
+    columns: usize,
+    values: Vec<f32>,
+}
+
+/// Places of a node that is kept and of its neighbours along x.
+#[derive(Clone, Copy, Debug)]
+struct Triple {
+    previous: usize,
+    own: usize,
+    next: usize,
+}
+
+impl ThickPlane {
+    fn zeros(layout: &Layout, columns: usize) -> Self {
+        let len = layout.plane + 4 * BLOCK + layout.counts[0];
+        Self { len, values: [vec![0.0; columns * len], vec![0.0; columns * len]] }
+    }
+
+    /// Which part the nodes of one colour in plane k are in, and where those at some places are.
+    #[inline(always)]
+    fn part(&self, layout: &Layout, colour: usize, k: usize, places: &Range<usize>, column: usize) -> (usize, Range<usize>) {
+        let start = column * self.len + BLOCK + places.start - layout.shift(colour, k);
+        ((colour + k) % 2, start..start + places.len())
+    }
+
+    /// The part and the start of row j's nodes of one parity.
+    #[inline(always)]
+    fn row(&self, layout: &Layout, j: usize, parity: usize, column: usize) -> (usize, usize) {
+        ((parity + j) % 2, column * self.len + BLOCK + (parity + j) / 2 + j * layout.row)
+    }
+
+    /// Row j's nodes of one parity, and some more to fill blocks.
+    #[inline(always)]
+    fn half_row(&self, layout: &Layout, j: usize, parity: usize, column: usize, half: usize) -> &[f32] {
+        let (part, start) = self.row(layout, j, parity, column);
+        &self.values[part][start..start + half]
+    }
+}
+
+impl ThinPlane {
+    /// A row: even nodes, then odd ones.
+    #[inline(always)]
+    fn row(&self, j: usize, column: usize) -> &[f32] {
+        &self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    }
+
+    #[inline(always)]
+    fn row_mut(&mut self, j: usize, column: usize) -> &mut [f32] {
+        &mut self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    }
+}
 
 impl Transfer {
-    /// Keeps the planes across `axis` for which `kept` holds; the first and last plane and one of any two neighbours
-    /// must be kept.
-    pub(super) fn new(fine: &Level, axis: usize, kept: &[bool]) -> Self {
-        let fine_plane: Vec<usize> = (0..kept.len()).filter(|&plane| kept[plane]).collect();
-        let coarse_plane = (0..kept.len()).map(|plane| fine_plane.binary_search(&plane).ok()).collect();
-        let zeros = || vec![0.0; fine.leak.len()];
-        Self { axis, coarse_plane, fine_plane, share: [zeros(), zeros()], lost: zeros() }
+    /// Keeps those planes across x, y and z for which `kept` holds. Returns the counts of the coarse level too.
+    pub(super) fn new(layout: &Layout, kept: &[Vec<bool>; 3], columns: usize) -> (Self, [usize; 3]) {
+        let mut coarse = layout.counts;
+        let mut stage = |axis: usize| {
+            kept[axis].contains(&false).then(|| {
+                let stage = Stage::new(coarse, axis, &kept[axis], layout);
+                coarse = stage.coarse.counts;
+                stage
+            })
+        };
+        let (z, y, x) = (stage(2), stage(1), stage(0));
+        let half = half_row(layout.counts[0]);
+        let place = |node: usize| node % 2 * half + node / 2;
+        let nowhere = 2 * half - 1;
+        let across_x = (0..layout.counts[0])
+            .filter(|&node| kept[0][node])
+            .map(|node| Triple {
+                previous: node.checked_sub(1).map_or(nowhere, place),
+                own: place(node),
+                next: if node + 1 < layout.counts[0] { place(node + 1) } else { nowhere },
+            })
+            .collect();
+        let thick = ThickPlane::zeros(layout, columns);
+        let thin = ThinPlane { half, columns, values: vec![0.0; coarse[1] * columns * 2 * half] };
+        let lanes = vec![[0.0; GROUP]; 2 * half];
+        let coarse_lanes = vec![[0.0; GROUP]; 2 * half_row(coarse[0])];
+        (Self { z, y, x, thick: [thick.clone(), thick], thin, across_x, lanes, coarse_lanes }, coarse)
     }
 
-    /// Number of nodes of the coarse level along each axis.
-    pub(super) fn coarse_counts(&self, fine: &Level) -> [usize; 3] {
-        let mut counts = fine.counts;
-        counts[self.axis] = self.fine_plane.len();
-        counts
+    /// The coarse network and where it changed last; none if nothing is made coarser.
+    pub(super) fn coarse(&self) -> Option<(&Network, &Changed)> {
+        let last = self.x.as_ref().or(self.y.as_ref()).or(self.z.as_ref())?;
+        Some((&last.coarse, &last.changed))
     }
 
-    /// Recomputes what depends on the fine level's nodes in a box and returns the box of coarse nodes that changed.
-    pub(super) fn refresh(&mut self, fine: &Level, coarse: &mut Level, changed: &IndexBox) -> IndexBox {
-        // Weights to the next node stand at the node before, so what changes reaches one node back.
-        let mut region: IndexBox = std::array::from_fn(|axis| {
-            changed[axis].start.saturating_sub(1)..(changed[axis].end + 1).min(fine.counts[axis])
-        });
-        let planes = &mut region[self.axis];
-        let first = self.fine_plane.partition_point(|&plane| plane < planes.start).saturating_sub(1);
-        let last = self.fine_plane.partition_point(|&plane| plane < planes.end);
-        *planes = first..(last + 1).min(self.fine_plane.len());
-        for_each(&region, |at| self.refresh_share(fine, at));
-        for_each(&region, |at| self.refresh_weights(fine, coarse, at));
-        for_each(&region, |at| {
-            let fixed = fine.is_fixed(fine.index(self.fine_node(at)));
-            coarse.set_inverse(coarse.index(at), fixed);
-        });
-        region
+    /// Recomputes the coarse network where the fine one changed.
+    pub(super) fn refresh(&mut self, fine: &Network, changed: &Changed) {
+        let (mut fine, mut changed) = (fine, changed);
+        for stage in self.z.iter_mut().chain(&mut self.y).chain(&mut self.x) {
+            stage.refresh(fine, changed);
+            (fine, changed) = (&stage.coarse, &stage.changed);
+        }
     }
 
-    /// The fine node that a coarse node is.
-    fn fine_node(&self, mut at: [usize; 3]) -> [usize; 3] {
-        at[self.axis] = self.fine_plane[at[self.axis]];
-        at
+    /// The coarse right-hand side: each eliminated node's residual goes to the nodes it is interpolated from.
+    #[inline(always)]
+    pub(super) fn restrict<S: Simd>(&mut self, simd: S, fine: &Level, coarse: &mut Level, active: &[usize]) {
+        let (planes, rows) = (coarse.layout().planes(), coarse.layout().rows());
+        for k in planes.start..planes.end {
+            self.restrict_z(simd, fine, k, active);
+            for j in rows.start..rows.end {
+                for &column in active {
+                    self.restrict_y(simd, fine.layout(), j, k, column);
+                }
+                for group in active.chunks(GROUP) {
+                    self.restrict_x(coarse, j, k, group);
+                }
+            }
+        }
     }
 
-    fn is_eliminated(&self, plane: usize) -> bool {
-        self.coarse_plane.get(plane).is_some_and(Option::is_none)
+    /// Fills the thick plane of a coarse plane.
+    #[inline(always)]
+    fn restrict_z<S: Simd>(&mut self, simd: S, fine: &Level, plane: usize, active: &[usize]) {
+        let layout = fine.layout();
+        let [thick, _] = &mut self.thick;
+        let own = self.z.as_ref().map_or(plane, |stage| stage.fine_plane[plane]);
+        let places = layout.plane(own);
+        for &column in active {
+            let r = &fine.r[column * layout.len()..(column + 1) * layout.len()];
+            let (part, at) = thick.part(layout, RED, own, &places, column);
+            thick.values[part][at].copy_from_slice(&r[places.start..places.end]);
+            thick.values[1 - part][column * thick.len..(column + 1) * thick.len].fill(0.0);
+            let Some(stage) = &self.z else { continue };
+            for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
+                if stage.is_eliminated(beside) {
+                    let places = layout.plane(beside);
+                    let (part, at) = thick.part(layout, RED, beside, &places, column);
+                    let share = share.red(places.start, places.len());
+                    add_product(simd, &mut thick.values[part][at], share, &r[places]);
+                }
+            }
+        }
     }
 
-    /// Of the eliminated node after a coarse node, if there is one.
-    fn refresh_share(&mut self, fine: &Level, at: [usize; 3]) {
-        let mut at = self.fine_node(at);
-        at[self.axis] += 1;
-        if !self.is_eliminated(at[self.axis]) {
+    /// Fills a row of the thin plane from the thick one.
+    #[inline(always)]
+    fn restrict_y<S: Simd>(&mut self, simd: S, layout: &Layout, j: usize, k: usize, column: usize) {
+        let ([thick, _], half) = (&self.thick, self.thin.half);
+        let own = self.y.as_ref().map_or(j, |stage| stage.fine_plane[j]);
+        for parity in 0..2 {
+            let to = &mut self.thin.row_mut(j, column)[parity * half..][..half];
+            to.copy_from_slice(thick.half_row(layout, own, parity, column, half));
+            let Some(stage) = &self.y else { continue };
+            for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
+                if stage.is_eliminated(beside) {
+                    let share = &share.row(beside, k)[parity * half..][..half];
+                    add_product(simd, to, share, thick.half_row(layout, beside, parity, column, half));
+                }
+            }
+        }
+    }
+
+    /// A row of the coarse right-hand side from the thin plane.
+    #[inline(always)]
+    fn restrict_x(&mut self, coarse: &mut Level, j: usize, k: usize, columns: &[usize]) {
+        let layout = coarse.stencil.layout;
+        let Some(stage) = &self.x else {
+            for (column, parity) in columns.iter().flat_map(|column| [(column, 0), (column, 1)]) {
+                let (colour, start) = layout.place([parity, j, k]);
+                let count = (layout.counts[0] + 1 - parity) / 2;
+                let from = &self.thin.row(j, *column)[parity * self.thin.half..][..count];
+                coarse.b[colour][column * layout.len() + start..][..count].copy_from_slice(from);
+            }
             return;
+        };
+        for (lane, &column) in columns.iter().enumerate() {
+            let row = self.thin.row(j, column);
+            self.lanes.iter_mut().zip(row).for_each(|(lanes, value)| lanes[lane] = *value);
         }
-        let node = fine.index(at);
-        let previous = node - fine.strides()[self.axis];
-        let (before, after) = (fine.weight(self.axis, previous), fine.weight(self.axis, node));
-        let sum = before + after + fine.leak[node];
-        let fixed = fine.is_fixed(node) || sum == 0.0;
-        let scale = if fixed { 0.0 } else { 1.0 / sum };
-        self.share[0][node] = before * scale;
-        self.share[1][node] = after * scale;
-        self.lost[node] = if fixed { 1.0 } else { fine.leak[node] * scale };
-    }
-
-    fn refresh_weights(&self, fine: &Level, coarse: &mut Level, at: [usize; 3]) {
-        let axis = self.axis;
-        let own = self.fine_node(at);
-        let has_next = self.is_eliminated(own[axis] + 1);
-        let has_previous = own[axis] > 0 && self.is_eliminated(own[axis] - 1);
-        let (at, own, strides) = (coarse.index(at), fine.index(own), fine.strides());
-        let (previous, next) = (own - strides[axis], own + strides[axis]);
-        let mut leak = fine.leak[own];
-        coarse.stencil[at].next[axis] =
-            fine.weight(axis, own) * if has_next { self.share[1][next] } else { 1.0 };
-        if has_next {
-            leak += fine.weight(axis, own) * self.lost[next];
+        let (lanes, half) = (&self.lanes[..2 * self.thin.half], self.coarse_lanes.len() / 2);
+        let (previous, next) = (stage.previous.row(j, k), stage.next.row(j, k));
+        for (node, at) in self.across_x.iter().enumerate() {
+            // Shares of nodes that are kept, and of those beyond the ends, are zero.
+            let (from_next, from_previous) = (previous[at.next], next[at.previous]);
+            let own = combine(1.0, &lanes[at.own], from_next, &lanes[at.next]);
+            let sum = combine(1.0, &own, from_previous, &lanes[at.previous]);
+            self.coarse_lanes[node % 2 * half + node / 2] = sum;
         }
-        if has_previous {
-            leak += fine.weight(axis, previous) * self.lost[previous];
-        }
-        for across in (0..3).filter(|&across| across != axis) {
-            let stride = strides[across];
-            let mut sum = fine.weight(across, own);
-            for (exists, share, node) in
-                [(has_next, &self.share[0], next), (has_previous, &self.share[1], previous)]
-            {
-                if exists {
-                    // What two eliminated neighbours do not both take from here couples to neither.
-                    let with_after = share[node].min(share[node + stride]);
-                    let with_before = share[node].min(share[node - stride]);
-                    sum += fine.weight(across, node) * with_after;
-                    leak += fine.weight(across, node) * (share[node] - with_after);
-                    leak += fine.weight(across, node - stride) * (share[node] - with_before);
-                }
-            }
-            coarse.stencil[at].next[across] = sum;
-        }
-        coarse.leak[at] = leak;
-    }
-
-    /// The coarse right-hand side: each eliminated node's residual goes to the two nodes it is interpolated from.
-    pub(super) fn restrict(&self, fine: &Level, coarse: &mut Level) {
-        if self.axis == 0 {
-            return self.restrict_in_rows(fine, coarse);
-        }
-        let nx = fine.counts[0];
-        let stride = fine.strides()[self.axis];
-        for k in 0..coarse.counts[2] {
-            for j in 0..coarse.counts[1] {
-                let own = self.fine_node([0, j, k]);
-                let to = coarse.index([0, j, k]);
-                let from = fine.index(own);
-                let b = &mut coarse.b[to..][..nx];
-                b.copy_from_slice(&fine.r[from..][..nx]);
-                if self.is_eliminated(own[self.axis] + 1) {
-                    add_shares(b, &self.share[0][from + stride..][..nx], &fine.r[from + stride..][..nx]);
-                }
-                if own[self.axis] > 0 && self.is_eliminated(own[self.axis] - 1) {
-                    add_shares(b, &self.share[1][from - stride..][..nx], &fine.r[from - stride..][..nx]);
-                }
+        for (lane, column) in columns.iter().enumerate() {
+            for parity in 0..2 {
+                let (colour, start) = layout.place([parity, j, k]);
+                let count = (layout.counts[0] + 1 - parity) / 2;
+                let b = &mut coarse.b[colour][column * layout.len() + start..][..count];
+                b.iter_mut().zip(&self.coarse_lanes[parity * half..]).for_each(|(b, sum)| *b = sum[lane]);
             }
         }
     }
 
-    fn restrict_in_rows(&self, fine: &Level, coarse: &mut Level) {
-        let (nx, coarse_nx) = (fine.counts[0], coarse.counts[0]);
-        for (to, from) in coarse.nodes().step_by(coarse_nx).zip(fine.nodes().step_by(nx)) {
-            let (r, b) = (&fine.r[from..][..nx], &mut coarse.b[to..][..coarse_nx]);
-            let shares = [&self.share[0][from..][..nx], &self.share[1][from..][..nx]];
-            let mut at = 0;
-            for i in 0..nx {
-                if let Some(coarse) = self.coarse_plane[i] {
-                    at = coarse;
-                    b[at] = r[i];
-                    if i > 0 && self.coarse_plane[i - 1].is_none() {
-                        add_share(&mut b[at], shares[1][i - 1], &r[i - 1]);
-                    }
-                } else {
-                    add_share(&mut b[at], shares[0][i], &r[i]);
+    /// Adds the interpolated coarse correction to the red nodes of the fine level, and finishes its sweep behind.
+    #[inline(always)]
+    pub(super) fn prolong<S: Simd>(&mut self, simd: S, fine: &mut Level, coarse: &Level, active: &[usize]) {
+        let planes = fine.layout().planes();
+        let mut done = planes.start;
+        for k in 0..coarse.layout().counts[2] {
+            self.thick.swap(0, 1);
+            self.prolong_plane(simd, fine.layout(), coarse, k, active);
+            let own = self.z.as_ref().map_or(k, |stage| stage.fine_plane[k]);
+            while done <= own && done < planes.end {
+                self.correct_red(simd, fine, done, done < own, active);
+                fine.smooth_behind(simd, done, active);
+                done += 1;
+            }
+        }
+        fine.smooth_behind(simd, planes.end, active);
+        fine.smooth_behind(simd, planes.end + 1, active);
+    }
+
+    /// Interpolates a coarse plane along x, then y.
+    #[inline(always)]
+    fn prolong_plane<S: Simd>(&mut self, simd: S, fine: &Layout, coarse: &Level, k: usize, active: &[usize]) {
+        for j in 0..coarse.layout().counts[1] {
+            for group in active.chunks(GROUP) {
+                self.prolong_x(coarse, j, k, group);
+            }
+        }
+        let ([thick, _], thin, half) = (&mut self.thick, &self.thin, self.thin.half);
+        let mut coarse_row = 0;
+        for j in 0..fine.counts[1] {
+            let eliminated = match &self.y {
+                Some(stage) if stage.is_eliminated(j) => Some(stage),
+                _ => None,
+            };
+            coarse_row += usize::from(j > 0 && eliminated.is_none());
+            for &column in active {
+                for parity in 0..2 {
+                    // What is written beyond the end of a row is overwritten by the rows that follow.
+                    let (part, start) = thick.row(fine, j, parity, column);
+                    let to = &mut thick.values[part][start..start + half];
+                    let before = &thin.row(coarse_row, column)[parity * half..][..half];
+                    let Some(stage) = eliminated else {
+                        to.copy_from_slice(before);
+                        continue;
+                    };
+                    let after = &thin.row(coarse_row + 1, column)[parity * half..][..half];
+                    let previous = &stage.previous.row(j, k)[parity * half..][..half];
+                    let next = &stage.next.row(j, k)[parity * half..][..half];
+                    to.fill(0.0);
+                    add_product(simd, to, previous, before);
+                    add_product(simd, to, next, after);
                 }
             }
         }
     }
 
-    /// Adds the interpolated coarse correction to the fine one.
-    pub(super) fn prolong(&self, fine: &mut Level, coarse: &Level) {
-        if self.axis == 0 {
-            return self.prolong_in_rows(fine, coarse);
-        }
-        let nx = fine.counts[0];
-        let step = coarse.strides()[self.axis];
-        for k in 0..fine.counts[2] {
-            for j in 0..fine.counts[1] {
-                let mut at = [0, j, k];
-                let to = fine.index(at);
-                let plane = at[self.axis];
-                let x = &mut fine.x[to..][..nx];
-                at[self.axis] = self.fine_plane.partition_point(|&kept| kept <= plane) - 1;
-                let from = coarse.index(at);
-                if self.is_eliminated(plane) {
-                    add_shares(x, &self.share[0][to..][..nx], &coarse.x[from..][..nx]);
-                    add_shares(x, &self.share[1][to..][..nx], &coarse.x[from + step..][..nx]);
-                } else {
-                    for (x, correction) in x.iter_mut().zip(&coarse.x[from..][..nx]) {
-                        add_share(x, 1.0, correction);
-                    }
-                }
+    /// Interpolates a coarse row along x.
+    #[inline(always)]
+    fn prolong_x(&mut self, coarse: &Level, j: usize, k: usize, columns: &[usize]) {
+        let layout = coarse.stencil.layout;
+        let (half, thin_half) = (self.coarse_lanes.len() / 2, self.thin.half);
+        let Some(stage) = &self.x else {
+            for (column, parity) in columns.iter().flat_map(|column| [(column, 0), (column, 1)]) {
+                let (colour, start) = layout.place([parity, j, k]);
+                let count = (layout.counts[0] + 1 - parity) / 2;
+                let from = &coarse.x[colour][column * layout.len() + start..][..count];
+                self.thin.row_mut(j, *column)[parity * thin_half..][..count].copy_from_slice(from);
             }
+            return;
+        };
+        for (lane, column) in columns.iter().enumerate() {
+            for parity in 0..2 {
+                let (colour, start) = layout.place([parity, j, k]);
+                let count = (layout.counts[0] + 1 - parity) / 2;
+                let x = &coarse.x[colour][column * layout.len() + start..][..count];
+                self.coarse_lanes[parity * half..].iter_mut().zip(x).for_each(|(lanes, x)| lanes[lane] = *x);
+            }
+        }
+        let lanes = &mut self.lanes[..2 * thin_half];
+        let (previous, next) = (stage.previous.row(j, k), stage.next.row(j, k));
+        let mut own = self.coarse_lanes[0];
+        for (node, at) in self.across_x.iter().enumerate() {
+            let after = self.coarse_lanes[(node + 1) % 2 * half + (node + 1) / 2];
+            // Where the next node is kept too, it will overwrite this.
+            lanes[at.next] = combine(previous[at.next], &own, next[at.next], &after);
+            lanes[at.own] = own;
+            own = after;
+        }
+        for (lane, &column) in columns.iter().enumerate() {
+            let row = self.thin.row_mut(j, column);
+            row.iter_mut().zip(&self.lanes).for_each(|(value, lanes)| *value = lanes[lane]);
         }
     }
 
-    fn prolong_in_rows(&self, fine: &mut Level, coarse: &Level) {
-        let (nx, coarse_nx) = (fine.counts[0], coarse.counts[0]);
-        for (from, to) in coarse.nodes().step_by(coarse_nx).zip(fine.nodes().step_by(nx)) {
-            let (x, correction) = (&mut fine.x[to..][..nx], &coarse.x[from..][..coarse_nx]);
-            let mut at = 0;
-            for (i, x) in x.iter_mut().enumerate() {
-                if let Some(coarse) = self.coarse_plane[i] {
-                    at = coarse;
-                    add_share(x, 1.0, &correction[at]);
-                } else {
-                    add_share(x, self.share[0][to + i], &correction[at]);
-                    add_share(x, self.share[1][to + i], &correction[at + 1]);
+    /// Corrects the red nodes of a fine plane, from the thick plane at it or from the two around it.
+    #[inline(always)]
+    fn correct_red<S: Simd>(&self, simd: S, fine: &mut Level, k: usize, between: bool, active: &[usize]) {
+        let layout = fine.stencil.layout;
+        let [after, before] = &self.thick;
+        let places = layout.plane(k);
+        for &column in active {
+            let x = &mut fine.x[RED][column * layout.len() + places.start..][..places.len()];
+            let (part, at) = after.part(&layout, RED, k, &places, column);
+            match &self.z {
+                Some(stage) if between => {
+                    let previous = stage.previous.red(places.start, places.len());
+                    let next = stage.next.red(places.start, places.len());
+                    add_product(simd, x, previous, &before.values[part][at.start..at.end]);
+                    add_product(simd, x, next, &after.values[part][at]);
                 }
+                _ => add(simd, x, &after.values[part][at]),
             }
         }
     }
 }
 
+/// Room for every second node of a row, in blocks, with at least one place to spare.
+pub(super) fn half_row(nodes: usize) -> usize {
+    (nodes.div_ceil(2) + 1).next_multiple_of(BLOCK)
+}
+
+/// a u + b v.
 #[inline(always)]
-fn add_share(to: &mut Lane32, share: f32, value: &Lane32) {
-    for lane in 0..LANES {
-        to[lane] += share * value[lane];
+fn combine(a: f32, u: &[f32; GROUP], b: f32, v: &[f32; GROUP]) -> [f32; GROUP] {
+    [a * u[0] + b * v[0], a * u[1] + b * v[1], a * u[2] + b * v[2], a * u[3] + b * v[3]]
+}
+
+/// to += a b.
+#[inline(always)]
+fn add_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], b: &[f32]) {
+    let (to, a, b) = (S::as_mut_simd_f32s(to).0, S::as_simd_f32s(a).0, S::as_simd_f32s(b).0);
+    for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+        *to = simd.add_f32s(*to, simd.mul_f32s(*a, *b));
     }
 }
 
-fn add_shares(to: &mut [Lane32], shares: &[f32], values: &[Lane32]) {
-    for ((to, share), value) in to.iter_mut().zip(shares).zip(values) {
-        add_share(to, *share, value);
-    }
-}
-
-fn for_each([x, y, z]: &IndexBox, mut visit: impl FnMut([usize; 3])) {
-    for k in z.clone() {
-        for j in y.clone() {
-            for i in x.clone() {
-                visit([i, j, k]);
-            }
-        }
+/// to += a.
+#[inline(always)]
+fn add<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
+    for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
+        *to = simd.add_f32s(*to, *a);
     }
 }

@@ -1,0 +1,263 @@
+//! Where a segment crosses the surfaces of a depth image.
+//!
+//! Between pixel centres the surfaces are interpolated bilinearly; at silhouettes and depth jumps the pixel's own value
+//! holds up to its border, so that no jump is taken for a surface. Every answer is a function of the segment and of
+//! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
+
+use super::{DepthLayers, Span};
+use glam::{DVec2, DVec3};
+use std::ops::Range;
+
+/// Neighbouring depths further apart than this many pixel widths belong to different surfaces.
+pub(super) const JUMP_IN_PIXELS: f64 = 4.0;
+
+/// Rounding moves no border and no surface by more than this many pixel widths.
+pub(super) const MARGIN_IN_PIXELS: f64 = 1e-3;
+
+/// Where something lies as a whole.
+enum Side {
+    Inside,
+    Outside,
+}
+
+/// No depths, as an interval.
+pub(super) const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+/// The interval around two.
+pub(super) fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
+    [smaller(a[0], b[0]), larger(a[1], b[1])]
+}
+
+/// The smaller of two numbers; simpler than [`f32::min`], as neither is NaN.
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The larger of two numbers.
+pub(super) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// Front and back of an object over a quarter of a pixel.
+struct Quarter {
+    /// Centre of the pixel, in pixels.
+    centre: DVec2,
+    /// Depths at that centre, at those of the neighbours in its row and its column, and of the one across.
+    front: [f64; 4],
+    back: [f64; 4],
+}
+
+impl Quarter {
+    /// Front and back at a point of the quarter.
+    #[inline]
+    fn at(&self, uv: DVec2) -> [f64; 2] {
+        let offset = (uv - self.centre).abs();
+        [self.front, self.back].map(|z| {
+            let along = |a: f64, b: f64| a + (b - a) * offset.x;
+            let (near, far) = (along(z[0], z[1]), along(z[2], z[3]));
+            near + (far - near) * offset.y
+        })
+    }
+
+    /// The part of a segment that is behind the front and before the back. Both are taken as straight lines between
+    /// its ends, which lie in the quarter, at parameters `t` of the whole.
+    #[inline]
+    fn span(&self, ends: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+        let at_start = self.at(ends[0]);
+        let at_end = if ends[0] == ends[1] { at_start } else { self.at(ends[1]) };
+        let depth_inside = |z: f64, [front, back]: [f64; 2]| [z - front, back - z];
+        let (at_start, at_end) = (depth_inside(z[0], at_start), depth_inside(z[1], at_end));
+        let mut part = [0.0, 1.0];
+        for side in 0..2 {
+            let (s, e) = (at_start[side], at_end[side]);
+            match (s > 0.0, e > 0.0) {
+                (true, true) => {}
+                (false, false) => return None,
+                (true, false) => part[1] = f64::min(part[1], s / (s - e)),
+                (false, true) => part[0] = f64::max(part[0], s / (s - e)),
+            }
+        }
+        // Exactly the end where there is no crossing, so that the whole of an edge inside is [0, 1] in any pieces.
+        let at = |part: f64| if part == 1.0 { t[1] } else { t[0] + part * (t[1] - t[0]) };
+        (part[0] < part[1]).then(|| Span { enter: at(part[0]), exit: at(part[1]) })
+    }
+}
+
+impl DepthLayers {
+    pub(super) fn is_inside(&self, object: usize, point: DVec3) -> bool {
+        let uv = self.pixel_coordinates(point);
+        let surfaces = self.quarter(object, uv).map(|quarter| quarter.at(uv));
+        surfaces.is_some_and(|[front, back]| front < point.z && point.z < back)
+    }
+
+    /// Walks the segment from one half pixel to the next: within one, the same pixel is hit or missed and the same
+    /// four depths are interpolated.
+    pub(super) fn span_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        let uv = [a, b].map(|point| self.pixel_coordinates(point));
+        let z_at = |t: f64| a.z + (b.z - a.z) * t;
+        let mut borders = HalfPixelBorders::between(uv);
+        if borders.count() == 0 {
+            let quarter = self.quarter(object, uv[0])?;
+            return quarter.span(uv, [a.z, b.z], [0.0, 1.0]);
+        }
+        if borders.count() > 1 {
+            match self.side_of_all(object, uv, [a.z.min(b.z), a.z.max(b.z)]) {
+                Some(Side::Inside) => return Some(Span { enter: 0.0, exit: 1.0 }),
+                Some(Side::Outside) => return None,
+                None => {}
+            }
+        }
+        let mut found: Option<Span> = None;
+        let mut start = 0.0;
+        while start < 1.0 {
+            let end = borders.next_after(start);
+            let quarter = self.quarter(object, uv[0].lerp(uv[1], 0.5 * (start + end)));
+            let ends = [start, end].map(|t| uv[0].lerp(uv[1], t));
+            let piece = quarter.and_then(|quarter| quarter.span(ends, [start, end].map(z_at), [start, end]));
+            if let Some(piece) = piece {
+                found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
+            }
+            start = end;
+        }
+        found
+    }
+
+    /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of an
+    /// object, by such a margin that walking along the segment finds the same.
+    fn side_of_all(&self, object: usize, [a, b]: [DVec2; 2], [low, high]: [f64; 2]) -> Option<Side> {
+        let (width, height) = (self.view().width, self.view().height);
+        let (columns, all_columns) = pixels_around(a.x.min(b.x), a.x.max(b.x), width);
+        let (rows, all_rows) = pixels_around(a.y.min(b.y), a.y.max(b.y), height);
+        let (mut front, mut back) = (NOWHERE, NOWHERE);
+        for row in rows {
+            let pixels = row * width + columns.start..row * width + columns.end;
+            front = self.front(object)[pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
+            back = self.back(object)[pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
+        }
+        let margin = MARGIN_IN_PIXELS * f64::from(self.pixel_width()) + 1e-9 * (low.abs() + high.abs());
+        let ([first_front, last_front], [first_back, last_back]) =
+            (front.map(f64::from), back.map(f64::from));
+        if high < first_front - margin || low > last_back + margin {
+            Some(Side::Outside)
+        } else if all_columns && all_rows && low > last_front + margin && high < first_back - margin {
+            // Rays that miss have their front at the far end, so that none is among these.
+            Some(Side::Inside)
+        } else {
+            None
+        }
+    }
+
+    /// The quarter pixel around a point; `None` where its pixel misses the object or is outside of the image.
+    #[inline]
+    fn quarter(&self, object: usize, uv: DVec2) -> Option<Quarter> {
+        let (width, height) = (self.view().width, self.view().height);
+        let (column, across) = pixel_at(uv.x, width)?;
+        let (row, up) = pixel_at(uv.y, height)?;
+        let own = row * width + column;
+        let (fronts, backs) = (self.front(object), self.back(object));
+        if fronts[own] > backs[own] {
+            return None;
+        }
+        let centre = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
+        let alone = |layer: &[f32]| [f64::from(layer[own]); 4];
+        let (Some(next_column), Some(next_row)) = (across, up) else {
+            return Some(Quarter { centre, front: alone(fronts), back: alone(backs) });
+        };
+        let corners =
+            [own, row * width + next_column, next_row * width + column, next_row * width + next_column];
+        let jump = self.jump();
+        let smooth = |layer: &[f32]| {
+            let z = corners.map(|corner| layer[corner]);
+            let (low, high) = (z[0].min(z[1]).min(z[2].min(z[3])), z[0].max(z[1]).max(z[2].max(z[3])));
+            if high - low <= jump { z.map(f64::from) } else { alone(layer) }
+        };
+        Some(Quarter { centre, front: smooth(fronts), back: smooth(backs) })
+    }
+}
+
+/// Along one axis, the pixel at a coordinate and, if there is one, the next pixel on the nearer side. Coordinates on
+/// the rim of the image are in it, others outside are in none.
+fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, Option<usize>)> {
+    let end = count as f64;
+    if !(-MARGIN_IN_PIXELS..=end + MARGIN_IN_PIXELS).contains(&coordinate) {
+        return None;
+    }
+    let pixel = (coordinate.max(0.0) as usize).min(count - 1);
+    let before_centre = coordinate < pixel as f64 + 0.5;
+    let next =
+        if before_centre { pixel.checked_sub(1) } else { Some(pixel + 1).filter(|&next| next < count) };
+    Some((pixel, next))
+}
+
+/// Along one axis, the pixels that an interval touches and their neighbours, and whether the interval is all in the
+/// image.
+fn pixels_around(low: f64, high: f64, count: usize) -> (Range<usize>, bool) {
+    let start = (low - 1.0 - MARGIN_IN_PIXELS).max(0.0) as usize;
+    let end = ((high + 2.0 + MARGIN_IN_PIXELS).max(0.0) as usize).min(count);
+    (start.min(end)..end, low >= 0.0 && high <= count as f64)
+}
+
+/// The parameters at which a line crosses multiples of half a pixel, in order.
+struct HalfPixelBorders {
+    axes: [AxisBorders; 2],
+}
+
+/// Those along one axis.
+struct AxisBorders {
+    from: f64,
+    /// Parameter for each pixel.
+    inverse: f64,
+    /// The next border, in half pixels, and the one behind the last.
+    next: i32,
+    end: i32,
+    direction: i32,
+}
+
+impl HalfPixelBorders {
+    fn between([a, b]: [DVec2; 2]) -> Self {
+        let axes = [(a.x, b.x), (a.y, b.y)].map(|(from, to)| {
+            let (first, last) = (floor(2.0 * from), floor(2.0 * to));
+            let (next, end, direction) =
+                if first <= last { (first + 1, last + 1, 1) } else { (first, last, -1) };
+            let inverse = if next == end { 0.0 } else { 1.0 / (to - from) };
+            AxisBorders { from, inverse, next, end, direction }
+        });
+        Self { axes }
+    }
+
+    /// Number of crossings.
+    fn count(&self) -> u32 {
+        self.axes.iter().map(|axis| axis.end.abs_diff(axis.next)).sum()
+    }
+
+    /// The next crossing after a parameter; 1 after the last.
+    fn next_after(&mut self, t: f64) -> f64 {
+        loop {
+            let crossings = [&self.axes[0], &self.axes[1]].map(AxisBorders::crossing);
+            let axis = usize::from(crossings[1] < crossings[0]);
+            if crossings[axis] >= 1.0 {
+                return 1.0;
+            }
+            self.axes[axis].next += self.axes[axis].direction;
+            if crossings[axis] > t {
+                return crossings[axis];
+            }
+        }
+    }
+}
+
+impl AxisBorders {
+    /// Where the next border is crossed; beyond the end of the line if there is none.
+    fn crossing(&self) -> f64 {
+        if self.next == self.end {
+            return f64::INFINITY;
+        }
+        (0.5 * f64::from(self.next) - self.from) * self.inverse
+    }
+}
+
+/// The largest whole number not above a value, which a pixel coordinate always is near enough to zero to have.
+fn floor(value: f64) -> i32 {
+    let towards_zero = value as i32;
+    towards_zero - i32::from(value < f64::from(towards_zero))
+}

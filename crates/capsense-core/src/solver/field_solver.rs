@@ -1,0 +1,111 @@
+//! The fields with the operator that fits the mesh.
+
+use super::energy_error::ErrorRule;
+use super::lattice::LatticeSolver;
+use super::old_pcg::CsrSolver;
+use super::operator::Operator;
+use super::pcg::ConjugateGradients;
+use super::{SolveError, SolveReport, SolverOptions};
+use crate::mesh::Edges;
+use crate::occupancy::Occupancy;
+use crate::stiffness::StiffnessMatrix;
+
+/// Fields of several terminals, and how to improve them.
+#[derive(Clone, Debug)]
+pub(crate) struct FieldSolver {
+    vectors: Vectors,
+    iteration: ConjugateGradients,
+    /// Whether the residual is not that of the fields, and must be computed everywhere.
+    residual_is_lost: bool,
+}
+
+/// The operators.
+#[derive(Clone, Debug)]
+enum Vectors {
+    Lattice(Box<LatticeSolver>),
+    Csr(Box<CsrSolver>),
+}
+
+impl FieldSolver {
+    /// Zero fields of so many columns. `fixed` tells for every row, nodes and then objects, whether it is held.
+    pub(crate) fn new(
+        matrix: &StiffnessMatrix,
+        fixed: &[bool],
+        columns: usize,
+        options: &SolverOptions,
+    ) -> Self {
+        let rule = ErrorRule::Spectrum { condition: None, solves: 0 };
+        let objects = fixed.len() - matrix.nodes();
+        let vectors = match matrix.network().edges() {
+            Edges::Lattice(lattice) if matrix.is_lattice() => {
+                Vectors::Lattice(Box::new(LatticeSolver::new(lattice, columns, objects, fixed)))
+            }
+            _ => Vectors::Csr(Box::new(CsrSolver::new(columns, fixed.len(), options.preconditioner))),
+        };
+        Self { vectors, iteration: ConjugateGradients::new(columns, rule), residual_is_lost: true }
+    }
+
+    /// The potential of a row in one column.
+    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
+        match &self.vectors {
+            Vectors::Lattice(fields) => fields.potential(column, row),
+            Vectors::Csr(fields) => fields.potential(column, row),
+        }
+    }
+
+    /// Sets the potential of a row in one column. Then the row must be among those that the next
+    /// [`FieldSolver::refresh`] is told of, or the residual be forgotten.
+    pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {
+        match &mut self.vectors {
+            Vectors::Lattice(fields) => fields.set_potential(column, row, potential),
+            Vectors::Csr(fields) => fields.set_potential(column, row, potential),
+        }
+    }
+
+    /// The next solve computes the residual everywhere.
+    pub(crate) fn forget_residual(&mut self) {
+        self.residual_is_lost = true;
+    }
+
+    /// Takes over the matrix and the fixed rows where they changed.
+    pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+        match &mut self.vectors {
+            Vectors::Lattice(fields) => fields.refresh(matrix, fixed, changed),
+            Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed),
+        }
+    }
+
+    /// Finds the bodies of very high permittivity, which need a direction of their own.
+    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+        match &mut self.vectors {
+            Vectors::Lattice(fields) => fields.find_islands(matrix, occupancy, fixed),
+            Vectors::Csr(fields) => fields.find_islands(matrix, occupancy, fixed),
+        }
+    }
+
+    /// Improves the fields until the tolerance is reached.
+    pub(crate) fn solve(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        fixed: &[bool],
+        options: &SolverOptions,
+    ) -> Result<SolveReport, SolveError> {
+        match &mut self.vectors {
+            Vectors::Lattice(fields) => {
+                if std::mem::take(&mut self.residual_is_lost) {
+                    fields.evaluate();
+                }
+                self.iteration.solve(fields.as_mut(), options)
+            }
+            Vectors::Csr(fields) => fields.solve(matrix, fixed, options),
+        }
+    }
+
+    /// XᵀKX of the fields as last solved: row by row, all pairs of columns.
+    pub(crate) fn energies(&self) -> &[f64] {
+        match &self.vectors {
+            Vectors::Lattice(fields) => &fields.state().energies,
+            Vectors::Csr(fields) => fields.energies(),
+        }
+    }
+}

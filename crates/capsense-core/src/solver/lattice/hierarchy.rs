@@ -1,0 +1,128 @@
+//! Geometric multigrid on the tensor lattice: an approximate K⁻¹ in single precision.
+//!
+//! A graded lattice has cells stretched in every direction somewhere. Point smoothing alone fails on them, so levels
+//! are made coarser where spacing is small: each step merges only those neighbouring cells of an axis that together
+//! are no longer than a length which grows from step to step. Cells become more equal from level to level, and errors
+//! that a level cannot smooth along a short spacing are smooth on the level where that spacing is gone.
+
+use super::layout::Layout;
+use super::level::Level;
+use super::network::{Changed, Network};
+use super::transfer::Transfer;
+use crate::mesh::Lattice;
+use crate::stiffness::StiffnessMatrix;
+use pulp::Simd;
+
+/// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.
+const SLACK: f64 = 1.05;
+
+/// An axis with no more planes than this is coarse enough.
+const FEW_PLANES: usize = 4;
+
+/// Symmetric Gauss-Seidel sweeps on the coarsest level.
+const COARSEST_SWEEPS: usize = 4;
+
+/// The hierarchy of a lattice.
+#[derive(Clone, Debug)]
+pub(super) struct Hierarchy {
+    /// From fine to coarse.
+    pub(super) levels: Vec<Level>,
+    transfers: Vec<Transfer>,
+    finest: Network,
+    changed: Changed,
+}
+
+impl Hierarchy {
+    /// Plans the levels; weights come with [`Hierarchy::refresh`].
+    pub(super) fn new(lattice: &Lattice, layout: Layout, columns: usize) -> Self {
+        let mut planes = lattice.axes().clone();
+        let mut levels = vec![Level::new(layout, columns)];
+        let mut transfers = Vec::new();
+        let spacings = planes.iter().flat_map(|axis| axis.windows(2)).map(|pair| pair[1] - pair[0]);
+        let mut length = spacings.fold(f64::INFINITY, f64::min);
+        while planes.iter().any(|axis| axis.len() > FEW_PLANES) {
+            length *= std::env::var("GROW").map_or(1.26, |s| s.parse().unwrap());
+            let kept = [0, 1, 2].map(|axis| kept_planes(&planes[axis], length * SLACK));
+            let nodes = |planes: [usize; 3]| planes.into_iter().product::<usize>() as f64;
+            let left = [0, 1, 2].map(|axis| kept[axis].iter().filter(|kept| **kept).count());
+            let all_merge = planes.iter().flat_map(|axis| axis.windows(3)).all(|three| three[2] - three[0] <= length * SLACK);
+            if nodes(left) > std::env::var("RED").map_or(0.4, |s| s.parse::<f64>().unwrap()) * nodes([0, 1, 2].map(|axis| planes[axis].len())) && !all_merge {
+                continue;
+            }
+            if std::env::var("SHOW").is_ok() {
+                eprintln!("{left:?} {length}");
+            }
+            let (transfer, counts) = Transfer::new(levels[levels.len() - 1].layout(), &kept, columns);
+            levels.push(Level::new(Layout::new(counts, layout.margin), columns));
+            transfers.push(transfer);
+            for (planes, kept) in planes.iter_mut().zip(kept) {
+                let mut kept = kept.into_iter();
+                planes.retain(|_| kept.next().unwrap_or(true));
+            }
+        }
+        Self {
+            finest: Network::new(layout.counts),
+            changed: Changed::nothing(layout.counts),
+            levels,
+            transfers,
+        }
+    }
+
+    /// Takes over the matrix and the fixed rows where they changed. `changed` must hold all nodes whose row or state
+    /// changed.
+    pub(super) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+        let Self { levels, transfers, finest, changed: region } = self;
+        let [nx, ny, _] = finest.counts;
+        let padding = nx * ny;
+        region.clear();
+        for node in changed.iter().map(|&node| node as usize) {
+            let to = &mut finest.nodes[padding + node];
+            to.next = [0, 1, 2].map(|axis| matrix.lattice_weight(node, axis) as f32);
+            to.leak = matrix.link_weight(node) as f32;
+            let i = node % nx;
+            region.add(i..i + 1, node / nx % ny, node / padding);
+        }
+        for node in changed.iter().map(|&node| node as usize) {
+            finest.set_inverse(padding + node, fixed[node]);
+        }
+        levels[0].refresh(finest, region);
+        let (mut fine, mut changed) = (&*finest, &*region);
+        for (transfer, level) in transfers.iter_mut().zip(&mut levels[1..]) {
+            transfer.refresh(fine, changed);
+            if let Some((coarse, coarse_changed)) = transfer.coarse() {
+                (fine, changed) = (coarse, coarse_changed);
+                level.refresh(fine, changed);
+            }
+        }
+    }
+
+    /// One symmetric V-cycle from the right-hand side to the correction of the finest level.
+    #[inline(always)]
+    pub(super) fn cycle<S: Simd>(&mut self, simd: S, active: &[usize]) {
+        let Self { levels, transfers, .. } = self;
+        for (index, transfer) in transfers.iter_mut().enumerate() {
+            let (fine, coarse) = levels.split_at_mut(index + 1);
+            fine[index].smooth_from_zero(simd, active);
+            transfer.restrict(simd, &fine[index], &mut coarse[0], active);
+        }
+        if let Some(coarsest) = levels.last_mut() {
+            coarsest.solve(simd, COARSEST_SWEEPS, active);
+        }
+        for (index, transfer) in transfers.iter_mut().enumerate().rev() {
+            let (fine, coarse) = levels.split_at_mut(index + 1);
+            transfer.prolong(simd, &mut fine[index], &coarse[0], active);
+        }
+    }
+}
+
+/// Merges neighbouring cells that together are at most so long, each with one neighbour at most.
+fn kept_planes(planes: &[f64], length: f64) -> Vec<bool> {
+    let mut kept = vec![true; planes.len()];
+    let mut start = 0;
+    while start + 2 < planes.len() {
+        let merge = planes[start + 2] - planes[start] <= length;
+        kept[start + 1] = !merge;
+        start += if merge { 2 } else { 1 };
+    }
+    kept
+}

@@ -1,0 +1,135 @@
+//! Where the nodes of a lattice stand in memory.
+//!
+//! Nodes are coloured like a chess board and the two colours are stored apart, so whatever is computed for one colour
+//! reads only the other: in any order, with the same result. Node (i, j, k) stands at ⌊(i+j+k)/2⌋ + j·row + k·plane of
+//! its colour. In these skewed coordinates each of the six neighbours is at the same distance for all nodes of a colour:
+//! a whole plane is one loop with unit stride, whatever its rows. Rows are packed without gaps; what a row's first or
+//! last node finds beyond its end is a node of another row, with the weight zero between them.
+
+use std::ops::Range;
+
+/// Planes are computed in blocks of this many nodes.
+pub(super) const BLOCK: usize = 8;
+
+/// Something for every node of each colour.
+pub(super) type Coloured<T> = [Vec<T>; 2];
+
+/// Nodes whose three indices have an even sum are red, the others black.
+pub(super) const RED: usize = 0;
+pub(super) const BLACK: usize = 1;
+
+/// The arrangement of the nodes of one lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// Number of nodes along each axis.
+    pub(super) counts: [usize; 3],
+    /// How many rows at either end of y, and planes at either end of z, are fixed whatever happens.
+    pub(super) margin: [usize; 2],
+    /// Distance between rows and between planes.
+    pub(super) row: usize,
+    pub(super) plane: usize,
+}
+
+impl Layout {
+    pub(super) fn new(counts: [usize; 3], margin: [usize; 2]) -> Self {
+        let [nx, ny, _] = counts;
+        let row = nx / 2;
+        Self { counts, margin, row, plane: ny * row + ny.div_ceil(2) + 2 + BLOCK }
+    }
+
+    /// Room for one value at every node of one colour, and one plane more at either end.
+    pub(super) fn len(&self) -> usize {
+        let nz = self.counts[2];
+        (nz + 2) * self.plane + nz / 2 + 2 * BLOCK
+    }
+
+    /// Zeros for `columns` values at every node, column after column.
+    pub(super) fn zeros<T: Clone + Default>(&self, columns: usize) -> Coloured<T> {
+        [vec![T::default(); columns * self.len()], vec![T::default(); columns * self.len()]]
+    }
+
+    /// Colour and place of a node.
+    pub(super) fn place(&self, [i, j, k]: [usize; 3]) -> (usize, usize) {
+        let sum = i + j + k;
+        (sum % 2, BLOCK + sum / 2 + j * self.row + (k + 1) * self.plane)
+    }
+
+    /// The indices along the axes of a node by its number.
+    pub(super) fn indices(&self, node: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.counts;
+        [node % nx, node / nx % ny, node / (nx * ny)]
+    }
+
+    /// Rows and planes that are not fixed throughout.
+    pub(super) fn rows(&self) -> Range<usize> {
+        self.margin[0]..self.counts[1] - self.margin[0]
+    }
+
+    pub(super) fn planes(&self) -> Range<usize> {
+        self.margin[1]..self.counts[2] - self.margin[1]
+    }
+
+    /// The places of a plane's nodes of either colour but for rows fixed throughout; a whole number of blocks.
+    #[inline(always)]
+    pub(super) fn plane(&self, k: usize) -> Range<usize> {
+        let [nx, ny, _] = self.counts;
+        let (first, last) = (self.margin[0], ny - 1 - self.margin[0]);
+        let plane = BLOCK + (k + 1) * self.plane;
+        let start = plane + (first + k) / 2 + first * self.row;
+        let end = plane + (nx - 1 + last + k) / 2 + last * self.row + 1;
+        start..start + (end - start).next_multiple_of(BLOCK)
+    }
+
+    /// Where the neighbours, all of the other colour, of a node at a place are: along x, y and z, the previous and the
+    /// next.
+    #[inline(always)]
+    pub(super) fn around(&self, colour: usize, at: usize) -> [usize; 6] {
+        let [row, plane] = [self.row, self.plane];
+        match colour {
+            RED => [at - 1, at, at - row - 1, at + row, at - plane - 1, at + plane],
+            _ => [at, at + 1, at - row, at + row + 1, at - plane, at + plane + 1],
+        }
+    }
+
+    /// How far the places of a plane's nodes of one colour are shifted against those of plane 0 whose i + j is as odd.
+    #[inline(always)]
+    pub(super) fn shift(&self, colour: usize, k: usize) -> usize {
+        let skew = if colour == RED { k.div_ceil(2) } else { k / 2 };
+        BLOCK + skew + (k + 1) * self.plane
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_node_has_a_place_of_its_own_and_neighbours_where_they_should_be() {
+        for counts in [[5, 4, 3], [6, 7, 5], [3, 3, 3], [9, 2, 4]] {
+            let layout = Layout::new(counts, [0, 0]);
+            let mut taken = std::collections::BTreeSet::new();
+            let nodes = counts.into_iter().product();
+            for at in (0..nodes).map(|node| layout.indices(node)) {
+                let (colour, place) = layout.place(at);
+                assert!(taken.insert((colour, place)), "{at:?}");
+                assert!(place < layout.len() && layout.plane(at[2]).contains(&place));
+                let around = layout.around(colour, place);
+                for (side, neighbour) in around.into_iter().enumerate() {
+                    let mut beside = at;
+                    let (axis, next) = (side / 2, side % 2 == 1);
+                    if next && at[axis] + 1 < counts[axis] {
+                        beside[axis] += 1;
+                    } else if !next && at[axis] > 0 {
+                        beside[axis] -= 1;
+                    } else {
+                        continue;
+                    }
+                    assert_eq!(layout.place(beside), (1 - colour, neighbour), "{at:?} {side}");
+                }
+            }
+            for k in 1..counts[2] {
+                assert!(layout.plane(k - 1).end <= layout.plane(k).start);
+            }
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Making a network coarser along one axis.
+//!
+//! Some planes across the axis are eliminated, never two neighbours. Along the axis the two edges of an eliminated node
+//! are capacitors in series, the exact Schur complement of a line; what couples eliminated nodes to each other is divided
+//! among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and its edges
+//! become leaks, so that no conductor is lost on a coarse level, however thin.
+
+use super::layout::{Layout, RED};
+use super::network::{Changed, Network};
+use super::transfer::half_row;
+
+/// One axis made coarser.
+#[derive(Clone, Debug)]
+pub(super) struct Stage {
+    pub(super) axis: usize,
+    /// The coarse plane of each fine plane that is kept.
+    coarse_plane: Vec<Option<usize>>,
+    /// The fine plane of each coarse plane.
+    pub(super) fine_plane: Vec<usize>,
+    /// What the eliminated nodes take from their neighbours, as the network is ordered; zero for kept nodes.
+    shares: Vec<Share>,
+    /// The same as the kernels read it: from the previous and from the next neighbour.
+    pub(super) previous: Shares,
+    pub(super) next: Shares,
+    /// What the fine network becomes.
+    pub(super) coarse: Network,
+    /// Where the coarse network changed last.
+    pub(super) changed: Changed,
+}
+
+/// The parts of the previous and of the next neighbour's value that an eliminated node takes, and what is missing to one
+/// in their sum.
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    previous: f32,
+    next: f32,
+    lost: f32,
+}
+
+/// A number for every node of a network, as the kernels want it.
+#[derive(Clone, Debug)]
+pub(super) enum Shares {
+    /// For stages across z: red nodes in the layout of the level.
+    Red(Layout, Vec<f32>),
+    /// For other stages: the rows of each plane in turn, even nodes of a row in one piece, then odd ones.
+    Rows { counts: [usize; 3], half: usize, values: Vec<f32> },
+}
+
+impl Shares {
+    fn zeros(counts: [usize; 3], axis: usize, layout: &Layout) -> Self {
+        if axis == 2 {
+            Self::Red(*layout, vec![0.0; layout.len()])
+        } else {
+            let half = half_row(counts[0]);
+            Self::Rows { counts, half, values: vec![0.0; counts[1] * counts[2] * 2 * half] }
+        }
+    }
+
+    fn set(&mut self, at: [usize; 3], value: f32) {
+        match self {
+            Self::Red(layout, values) => {
+                if let (RED, place) = layout.place(at) {
+                    values[place] = value;
+                }
+            }
+            Self::Rows { counts, half, values } => {
+                let [i, j, k] = at;
+                values[((k * counts[1] + j) * 2 + i % 2) * *half + i / 2] = value;
+            }
+        }
+    }
+
+    /// Those of some red nodes.
+    #[inline(always)]
+    pub(super) fn red(&self, start: usize, len: usize) -> &[f32] {
+        match self {
+            Self::Red(_, values) => &values[start..start + len],
+            Self::Rows { .. } => &[],
+        }
+    }
+
+    /// Those of row (j, k).
+    #[inline(always)]
+    pub(super) fn row(&self, j: usize, k: usize) -> &[f32] {
+        match self {
+            Self::Red(..) => &[],
+            Self::Rows { counts, half, values } => &values[(k * counts[1] + j) * 2 * half..][..2 * half],
+        }
+    }
+}
+
+impl Stage {
+    /// Keeps the planes across `axis` for which `kept` holds; the first and last plane and one of any two neighbours
+    /// must be kept. `layout` is that of the level that the stage starts from.
+    pub(super) fn new(fine: [usize; 3], axis: usize, kept: &[bool], layout: &Layout) -> Self {
+        let fine_plane: Vec<usize> = (0..kept.len()).filter(|&plane| kept[plane]).collect();
+        let coarse_plane = (0..kept.len()).map(|plane| fine_plane.binary_search(&plane).ok()).collect();
+        let mut counts = fine;
+        counts[axis] = fine_plane.len();
+        Self {
+            axis,
+            coarse_plane,
+            fine_plane,
+            shares: vec![Share::default(); fine[0] * fine[1] * (fine[2] + 2)],
+            previous: Shares::zeros(fine, axis, layout),
+            next: Shares::zeros(fine, axis, layout),
+            coarse: Network::new(counts),
+            changed: Changed::nothing(counts),
+        }
+    }
+
+    /// Recomputes the coarse network where the fine one changed, and notes where that was.
+    pub(super) fn refresh(&mut self, fine: &Network, changed: &Changed) {
+        self.find_changed(changed);
+        let coarse_changed = std::mem::replace(&mut self.changed, Changed::nothing([0; 3]));
+        coarse_changed.for_each(|at| self.refresh_share(fine, at));
+        coarse_changed.for_each(|at| self.refresh_node(fine, at));
+        coarse_changed.for_each(|at| {
+            let fixed = fine.is_fixed(fine.index(self.fine_node(at)));
+            self.coarse.set_inverse(self.coarse.index(at), fixed);
+        });
+        self.changed = coarse_changed;
+    }
+
+    /// What changes at a node reaches the coarse nodes at it or beside it, and their neighbours across the axis.
+    fn find_changed(&mut self, fine: &Changed) {
+        let Self { axis, fine_plane, changed, .. } = self;
+        changed.clear();
+        let reached = |from: usize, to: usize| {
+            let first = fine_plane.partition_point(|&plane| plane < from).saturating_sub(1);
+            first..(fine_plane.partition_point(|&plane| plane < to) + 1).min(fine_plane.len())
+        };
+        fine.for_each_row(|nodes, j, k| {
+            let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
+            match *axis {
+                0 => {
+                    let nodes = reached(nodes.start, nodes.end);
+                    for (j, k) in [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))] {
+                        changed.add(nodes.clone(), j, k);
+                    }
+                }
+                1 => {
+                    for j in reached(j, j + 1) {
+                        changed.add(wider.clone(), j, k);
+                        changed.add(nodes.clone(), j, k + 1);
+                        changed.add(nodes.clone(), j, k.wrapping_sub(1));
+                    }
+                }
+                _ => {
+                    for k in reached(k, k + 1) {
+                        changed.add(wider.clone(), j, k);
+                        changed.add(nodes.clone(), j + 1, k);
+                        changed.add(nodes.clone(), j.wrapping_sub(1), k);
+                    }
+                }
+            }
+        });
+    }
+
+    /// The fine node that a coarse node is.
+    fn fine_node(&self, mut at: [usize; 3]) -> [usize; 3] {
+        at[self.axis] = self.fine_plane[at[self.axis]];
+        at
+    }
+
+    pub(super) fn is_eliminated(&self, plane: usize) -> bool {
+        self.coarse_plane.get(plane).is_some_and(Option::is_none)
+    }
+
+    /// Of the eliminated node after a coarse node, if there is one.
+    fn refresh_share(&mut self, fine: &Network, at: [usize; 3]) {
+        let mut at = self.fine_node(at);
+        at[self.axis] += 1;
+        if !self.is_eliminated(at[self.axis]) {
+            return;
+        }
+        let node = fine.index(at);
+        let previous = node - fine.strides()[self.axis];
+        let (before, after) = (fine.weight(self.axis, previous), fine.weight(self.axis, node));
+        let leak = fine.nodes[node].leak;
+        let sum = before + after + leak;
+        let share = if fine.is_fixed(node) || sum == 0.0 {
+            Share { previous: 0.0, next: 0.0, lost: 1.0 }
+        } else {
+            let scale = 1.0 / sum;
+            Share { previous: before * scale, next: after * scale, lost: leak * scale }
+        };
+        self.shares[node] = share;
+        self.previous.set(at, share.previous);
+        self.next.set(at, share.next);
+    }
+
+    fn refresh_node(&mut self, fine: &Network, at: [usize; 3]) {
+        let axis = self.axis;
+        let own = self.fine_node(at);
+        let has_next = self.is_eliminated(own[axis] + 1);
+        let has_previous = own[axis] > 0 && self.is_eliminated(own[axis] - 1);
+        let (own, strides) = (fine.index(own), fine.strides());
+        let (previous, next) = (own - strides[axis], own + strides[axis]);
+        let mut coarse = self.coarse.nodes[self.coarse.index(at)];
+        coarse.leak = fine.nodes[own].leak;
+        coarse.next[axis] = fine.weight(axis, own);
+        if has_next {
+            coarse.next[axis] *= self.shares[next].next;
+            coarse.leak += fine.weight(axis, own) * self.shares[next].lost;
+        }
+        if has_previous {
+            coarse.leak += fine.weight(axis, previous) * self.shares[previous].lost;
+        }
+        for across in (0..3).filter(|&across| across != axis) {
+            let stride = strides[across];
+            let mut sum = fine.weight(across, own);
+            let mut divide = |node: usize, share: fn(&Share) -> f32| {
+                let of = |node: usize| share(&self.shares[node]);
+                // What two eliminated neighbours do not both take from here couples to neither.
+                let (own, with_after) = (of(node), of(node).min(of(node + stride)));
+                let with_before = own.min(of(node - stride));
+                sum += fine.weight(across, node) * with_after;
+                coarse.leak += fine.weight(across, node) * (own - with_after);
+                coarse.leak += fine.weight(across, node - stride) * (own - with_before);
+            };
+            if has_next {
+                divide(next, |share| share.previous);
+            }
+            if has_previous {
+                divide(previous, |share| share.next);
+            }
+            coarse.next[across] = sum;
+        }
+        let index = self.coarse.index(at);
+        self.coarse.nodes[index] = coarse;
+    }
+}

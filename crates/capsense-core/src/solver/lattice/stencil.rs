@@ -1,0 +1,175 @@
+//! The 7-point network of a lattice in the layout of the solver, and the arithmetic on it.
+//!
+//! No multiplication is fused with an addition and all sums have a fixed order, so that results have the same bits on
+//! every processor.
+
+use super::layout::{Coloured, Layout};
+use pulp::Simd;
+use std::ops::Range;
+
+/// Weights to the next node along each axis, and one more number for each node: the diagonal, or its inverse with zero
+/// where the potential is fixed.
+#[derive(Clone, Debug)]
+pub(super) struct Stencil<T> {
+    pub(super) layout: Layout,
+    pub(super) next: [Coloured<T>; 3],
+    pub(super) centre: Coloured<T>,
+}
+
+/// The stencils of successive nodes of one colour.
+pub(super) struct Piece<'a, T> {
+    /// Where the nodes' six neighbours are, each in one piece.
+    around: [usize; 6],
+    /// Weights to these.
+    weights: [&'a [T]; 6],
+    centre: &'a [T],
+}
+
+impl<T: Clone + Default> Stencil<T> {
+    pub(super) fn new(layout: Layout) -> Self {
+        let zeros = || layout.zeros(1);
+        Self { layout, next: [zeros(), zeros(), zeros()], centre: zeros() }
+    }
+
+    /// The stencils of the nodes at some places of one colour.
+    #[inline(always)]
+    pub(super) fn piece(&self, colour: usize, places: Range<usize>) -> Piece<'_, T> {
+        let around @ [a, _, c, _, e, _] = self.layout.around(colour, places.start);
+        let (n, own) = (places.len(), places.start);
+        let [x, y, z] = &self.next;
+        let other = 1 - colour;
+        let weights = [
+            &x[other][a..a + n],
+            &x[colour][own..own + n],
+            &y[other][c..c + n],
+            &y[colour][own..own + n],
+            &z[other][e..e + n],
+            &z[colour][own..own + n],
+        ];
+        Piece { around, weights, centre: &self.centre[colour][own..own + n] }
+    }
+}
+
+impl<T> Piece<'_, T> {
+    /// The neighbours' values of a column, given all of the other colour.
+    #[inline(always)]
+    fn neighbours<'v, S>(&self, of_other: &'v [S]) -> [&'v [S]; 6] {
+        let ([a, b, c, d, e, f], n) = (self.around, self.centre.len());
+        let of = of_other;
+        [&of[a..a + n], &of[b..b + n], &of[c..c + n], &of[d..d + n], &of[e..e + n], &of[f..f + n]]
+    }
+}
+
+impl Piece<'_, f32> {
+    /// x = D⁻¹ b.
+    #[inline(always)]
+    pub(super) fn scale<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32]) {
+        let (x, b, inverse) = (S::as_mut_simd_f32s(x).0, single::<S>(b), single::<S>(self.centre));
+        for ((x, b), inverse) in x.iter_mut().zip(b).zip(inverse) {
+            *x = simd.mul_f32s(*inverse, *b);
+        }
+    }
+
+    /// Solves the equations of the nodes: x = D⁻¹ (b + Σ w x).
+    #[inline(always)]
+    pub(super) fn relax<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32], of_other: &[f32]) {
+        let x = S::as_mut_simd_f32s(x).0;
+        let n = x.len();
+        let (b, inverse) = (&single::<S>(b)[..n], &single::<S>(self.centre)[..n]);
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(self.neighbours(of_other), n));
+        for i in 0..n {
+            let sum = sum_of_six_single(simd, &w, &v, i);
+            x[i] = simd.mul_f32s(inverse[i], simd.add_f32s(b[i], sum));
+        }
+    }
+
+    /// r = Σ w x.
+    #[inline(always)]
+    pub(super) fn gather<S: Simd>(&self, simd: S, r: &mut [f32], of_other: &[f32]) {
+        let r = S::as_mut_simd_f32s(r).0;
+        let n = r.len();
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(self.neighbours(of_other), n));
+        for i in 0..n {
+            r[i] = sum_of_six_single(simd, &w, &v, i);
+        }
+    }
+}
+
+impl Piece<'_, f64> {
+    /// y = D x - Σ w x.
+    #[inline(always)]
+    pub(super) fn apply<S: Simd>(&self, simd: S, y: &mut [f64], x: &[f64], of_other: &[f64]) {
+        let y = S::as_mut_simd_f64s(y).0;
+        let n = y.len();
+        let (x, diagonal) = (&double::<S>(x)[..n], &double::<S>(self.centre)[..n]);
+        let (w, v) = (six_double::<S>(self.weights, n), six_double::<S>(self.neighbours(of_other), n));
+        for i in 0..n {
+            let sum = sum_of_six_double(simd, &w, &v, i);
+            y[i] = simd.sub_f64s(simd.mul_f64s(diagonal[i], x[i]), sum);
+        }
+    }
+}
+
+// The two precisions are written out, as there is no name for both in the vector library; and so are the six neighbours,
+// because a closure or a mapped array may become a call, which is compiled without the processor's extensions.
+
+#[inline(always)]
+fn single<S: Simd>(slice: &[f32]) -> &[S::f32s] {
+    S::as_simd_f32s(slice).0
+}
+
+#[inline(always)]
+fn double<S: Simd>(slice: &[f64]) -> &[S::f64s] {
+    S::as_simd_f64s(slice).0
+}
+
+/// Six slices as vectors, cut to one length so that it is checked once.
+#[inline(always)]
+fn six_single<S: Simd>([a, b, c, d, e, f]: [&[f32]; 6], n: usize) -> [&[S::f32s]; 6] {
+    let [a, b, c] = [single::<S>(a), single::<S>(b), single::<S>(c)];
+    let [d, e, f] = [single::<S>(d), single::<S>(e), single::<S>(f)];
+    [&a[..n], &b[..n], &c[..n], &d[..n], &e[..n], &f[..n]]
+}
+
+#[inline(always)]
+fn six_double<S: Simd>([a, b, c, d, e, f]: [&[f64]; 6], n: usize) -> [&[S::f64s]; 6] {
+    let [a, b, c] = [double::<S>(a), double::<S>(b), double::<S>(c)];
+    let [d, e, f] = [double::<S>(d), double::<S>(e), double::<S>(f)];
+    [&a[..n], &b[..n], &c[..n], &d[..n], &e[..n], &f[..n]]
+}
+
+/// Σ w v over the six neighbours of a vector of nodes.
+#[inline(always)]
+fn sum_of_six_single<S: Simd>(simd: S, w: &[&[S::f32s]; 6], v: &[&[S::f32s]; 6], i: usize) -> S::f32s {
+    let west = simd.mul_f32s(w[0][i], v[0][i]);
+    let along_x = simd.add_f32s(west, simd.mul_f32s(w[1][i], v[1][i]));
+    let south = simd.mul_f32s(w[2][i], v[2][i]);
+    let along_y = simd.add_f32s(south, simd.mul_f32s(w[3][i], v[3][i]));
+    let down = simd.mul_f32s(w[4][i], v[4][i]);
+    let along_z = simd.add_f32s(down, simd.mul_f32s(w[5][i], v[5][i]));
+    simd.add_f32s(simd.add_f32s(along_x, along_y), along_z)
+}
+
+#[inline(always)]
+fn sum_of_six_double<S: Simd>(simd: S, w: &[&[S::f64s]; 6], v: &[&[S::f64s]; 6], i: usize) -> S::f64s {
+    let west = simd.mul_f64s(w[0][i], v[0][i]);
+    let along_x = simd.add_f64s(west, simd.mul_f64s(w[1][i], v[1][i]));
+    let south = simd.mul_f64s(w[2][i], v[2][i]);
+    let along_y = simd.add_f64s(south, simd.mul_f64s(w[3][i], v[3][i]));
+    let down = simd.mul_f64s(w[4][i], v[4][i]);
+    let along_z = simd.add_f64s(down, simd.mul_f64s(w[5][i], v[5][i]));
+    simd.add_f64s(simd.add_f64s(along_x, along_y), along_z)
+}
+
+impl Stencil<f64> {
+    /// What [`Piece::apply`] gives at one place.
+    pub(super) fn charge(&self, colour: usize, at: usize, x: f64, of_other: &[f64]) -> f64 {
+        let [a, b, c, d, e, f] = self.layout.around(colour, at);
+        let [x_next, y_next, z_next] = &self.next;
+        let other = 1 - colour;
+        let along_x = x_next[other][a] * of_other[a] + x_next[colour][at] * of_other[b];
+        let along_y = y_next[other][c] * of_other[c] + y_next[colour][at] * of_other[d];
+        let along_z = z_next[other][e] * of_other[e] + z_next[colour][at] * of_other[f];
+        self.centre[colour][at] * x - (along_x + along_y + along_z)
+    }
+}
