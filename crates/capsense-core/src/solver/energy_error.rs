@@ -102,7 +102,9 @@ impl EnergyError {
     pub(super) fn is_learning(&self) -> bool {
         match self.rule {
             ErrorRule::Window => true,
-            ErrorRule::Spectrum { condition, solves } => condition.is_none() || solves.is_multiple_of(LEARN_EVERY),
+            ErrorRule::Spectrum { condition, solves } => {
+                condition.is_none() || solves.is_multiple_of(LEARN_EVERY)
+            }
         }
     }
 

@@ -1,23 +1,18 @@
 //! Solves K φ = 0 on the free rows for many terminals at once.
 
-mod aggregation;
-// Until the conjugate gradients run on them.
-#[allow(dead_code)]
 mod csr;
 mod energy_error;
 mod field_solver;
 mod incomplete_cholesky;
 mod islands;
 mod lattice;
-mod old_error;
-mod old_pcg;
 mod operator;
 mod pcg;
 mod preconditioner;
 
+pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
-pub(crate) use field_solver::FieldSolver;
 pub use preconditioner::Preconditioner;
 
 /// When to stop, and how to get there.

@@ -172,13 +172,16 @@ impl ConjugateGradients {
                 self.lengths[column] = if reliable { self.a[column] * best } else { f64::NAN };
             }
             (self.along[column], self.curvature[column]) = (after, curvature);
-            self.error.record(column, Step {
-                alpha: self.a[column] * best,
-                rz: self.rz[column],
-                drop: before * best,
-                excess: if reliable { after * after / curvature } else { energy },
-                energy,
-            });
+            self.error.record(
+                column,
+                Step {
+                    alpha: self.a[column] * best,
+                    rz: self.rz[column],
+                    drop: before * best,
+                    excess: if reliable { after * after / curvature } else { energy },
+                    energy,
+                },
+            );
         }
         self.error.advance(exact);
         Ok(())

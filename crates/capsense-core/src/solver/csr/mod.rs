@@ -111,6 +111,7 @@ impl CsrSolver {
     }
 
     /// The charge (K x) of a row in one column, as the last step left it.
+    #[cfg(test)]
     pub(crate) fn charge(&self, column: usize, row: usize) -> f64 {
         for_width!(self, of => of.charge(column, row))
     }
@@ -198,6 +199,7 @@ impl<const L: usize> Solver<L> {
         self.groups[column / L].x[self.rows.row_of(row)][column % L]
     }
 
+    #[cfg(test)]
     fn charge(&self, column: usize, row: usize) -> f64 {
         self.groups[column / L].kx[self.rows.row_of(row)][column % L]
     }

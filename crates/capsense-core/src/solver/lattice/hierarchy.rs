@@ -45,8 +45,15 @@ impl Hierarchy {
             let kept = [0, 1, 2].map(|axis| kept_planes(&planes[axis], length * SLACK));
             let nodes = |planes: [usize; 3]| planes.into_iter().product::<usize>() as f64;
             let left = [0, 1, 2].map(|axis| kept[axis].iter().filter(|kept| **kept).count());
-            let all_merge = planes.iter().flat_map(|axis| axis.windows(3)).all(|three| three[2] - three[0] <= length * SLACK);
-            if nodes(left) > std::env::var("RED").map_or(0.4, |s| s.parse::<f64>().unwrap()) * nodes([0, 1, 2].map(|axis| planes[axis].len())) && !all_merge {
+            let all_merge = planes
+                .iter()
+                .flat_map(|axis| axis.windows(3))
+                .all(|three| three[2] - three[0] <= length * SLACK);
+            if nodes(left)
+                > std::env::var("RED").map_or(0.4, |s| s.parse::<f64>().unwrap())
+                    * nodes([0, 1, 2].map(|axis| planes[axis].len()))
+                && !all_merge
+            {
                 continue;
             }
             if std::env::var("SHOW").is_ok() {

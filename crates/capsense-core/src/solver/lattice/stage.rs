@@ -135,7 +135,9 @@ impl Stage {
             match *axis {
                 0 => {
                     let nodes = reached(nodes.start, nodes.end);
-                    for (j, k) in [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))] {
+                    for (j, k) in
+                        [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))]
+                    {
                         changed.add(nodes.clone(), j, k);
                     }
                 }

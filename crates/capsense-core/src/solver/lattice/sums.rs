@@ -56,7 +56,14 @@ impl Sums {
 
     /// r = -K x on the free nodes of plane k; adds its part to the sums of `state`.
     #[inline(always)]
-    pub(super) fn evaluate<S: Simd>(&mut self, simd: S, of: &Evaluated<'_>, r: &mut Coloured<f32>, k: usize, state: &mut State) {
+    pub(super) fn evaluate<S: Simd>(
+        &mut self,
+        simd: S,
+        of: &Evaluated<'_>,
+        r: &mut Coloured<f32>,
+        k: usize,
+        state: &mut State,
+    ) {
         for partial in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
             partial.fill([0.0; BLOCK]);
         }
@@ -81,7 +88,12 @@ impl Sums {
         let stencil = of.stencil.piece(colour, places.start..places.end);
         for (column, y) in self.y.chunks_exact_mut(PIECE).enumerate() {
             let x = &of.x[colour][column * len + places.start..column * len + places.end];
-            stencil.apply(simd, &mut y[..places.len()], x, &of.x[1 - colour][column * len..(column + 1) * len]);
+            stencil.apply(
+                simd,
+                &mut y[..places.len()],
+                x,
+                &of.x[1 - colour][column * len..(column + 1) * len],
+            );
         }
     }
 
@@ -99,7 +111,14 @@ impl Sums {
     }
 
     #[inline(always)]
-    fn add_piece<S: Simd>(&mut self, simd: S, of: &Evaluated<'_>, r: &mut [f32], colour: usize, places: &Range<usize>) {
+    fn add_piece<S: Simd>(
+        &mut self,
+        simd: S,
+        of: &Evaluated<'_>,
+        r: &mut [f32],
+        colour: usize,
+        places: &Range<usize>,
+    ) {
         let len = of.stencil.layout.len();
         let part = |column: usize| column * len + places.start..column * len + places.end;
         let inverse = &of.inverse[colour][places.start..places.end];

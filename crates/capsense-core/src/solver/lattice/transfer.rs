@@ -60,7 +60,14 @@ impl ThickPlane {
 
     /// Which part the nodes of one colour in plane k are in, and where those at some places are.
     #[inline(always)]
-    fn part(&self, layout: &Layout, colour: usize, k: usize, places: &Range<usize>, column: usize) -> (usize, Range<usize>) {
+    fn part(
+        &self,
+        layout: &Layout,
+        colour: usize,
+        k: usize,
+        places: &Range<usize>,
+        column: usize,
+    ) -> (usize, Range<usize>) {
         let start = column * self.len + BLOCK + places.start - layout.shift(colour, k);
         ((colour + k) % 2, start..start + places.len())
     }
