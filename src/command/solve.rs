@@ -136,6 +136,8 @@ pub(super) fn preconditioner_name(pipeline: &Pipeline) -> &'static str {
     use capsense::core::solver::Preconditioner;
     match pipeline.simulator().preconditioner() {
         Preconditioner::Multigrid => "multigrid",
+        Preconditioner::Ic0 => "ic0",
+        Preconditioner::Direct => "direct",
         Preconditioner::Jacobi => "jacobi",
         Preconditioner::None => "none",
     }

@@ -136,12 +136,8 @@ impl Fields {
         self.solver.refresh(matrix, &self.fixed, &self.changed);
     }
 
-    pub(crate) fn solve(
-        &mut self,
-        matrix: &StiffnessMatrix,
-        options: &SolverOptions,
-    ) -> Result<SolveReport, SolveError> {
-        self.solver.solve(matrix, &self.fixed, options)
+    pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        self.solver.solve(options)
     }
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are

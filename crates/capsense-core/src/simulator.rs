@@ -187,7 +187,7 @@ impl Simulator {
     /// When the solver fails; [`Simulator::capacitance`] then still is that of the frame before, and the next solve
     /// starts from zero.
     pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
-        let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
+        let report = self.fields.solve(&self.options).inspect_err(|_| self.fields.reset())?;
         self.fields.maxwell(&mut self.held);
         self.released.copy_leading(&self.held);
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {

@@ -1,11 +1,11 @@
 //! The fields with the operator that fits the mesh.
 
+use super::csr::CsrSolver;
 use super::energy_error::ErrorRule;
 use super::lattice::LatticeSolver;
-use super::old_pcg::CsrSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
-use super::{SolveError, SolveReport, SolverOptions};
+use super::{Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -23,7 +23,7 @@ pub(crate) struct FieldSolver {
 #[derive(Clone, Debug)]
 enum Vectors {
     Lattice(Box<LatticeSolver>),
-    Csr(Box<CsrSolver>),
+    Csr(CsrSolver),
 }
 
 impl FieldSolver {
@@ -34,13 +34,16 @@ impl FieldSolver {
         columns: usize,
         options: &SolverOptions,
     ) -> Self {
-        let rule = ErrorRule::Spectrum { condition: None, solves: 0 };
+        let rule = match options.preconditioner {
+            Preconditioner::Jacobi | Preconditioner::None => ErrorRule::Window,
+            _ => ErrorRule::Spectrum { condition: None, solves: 0 },
+        };
         let objects = fixed.len() - matrix.nodes();
         let vectors = match matrix.network().edges() {
             Edges::Lattice(lattice) if matrix.is_lattice() => {
                 Vectors::Lattice(Box::new(LatticeSolver::new(lattice, columns, objects, fixed)))
             }
-            _ => Vectors::Csr(Box::new(CsrSolver::new(columns, fixed.len(), options.preconditioner))),
+            _ => Vectors::Csr(CsrSolver::new(matrix, fixed.len(), columns, options.preconditioner, 1)),
         };
         Self { vectors, iteration: ConjugateGradients::new(columns, rule), residual_is_lost: true }
     }
@@ -71,7 +74,7 @@ impl FieldSolver {
     pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
         match &mut self.vectors {
             Vectors::Lattice(fields) => fields.refresh(matrix, fixed, changed),
-            Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed),
+            Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed.iter().copied()),
         }
     }
 
@@ -84,20 +87,11 @@ impl FieldSolver {
     }
 
     /// Improves the fields until the tolerance is reached.
-    pub(crate) fn solve(
-        &mut self,
-        matrix: &StiffnessMatrix,
-        fixed: &[bool],
-        options: &SolverOptions,
-    ) -> Result<SolveReport, SolveError> {
+    pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        let lost = std::mem::take(&mut self.residual_is_lost);
         match &mut self.vectors {
-            Vectors::Lattice(fields) => {
-                if std::mem::take(&mut self.residual_is_lost) {
-                    fields.evaluate();
-                }
-                self.iteration.solve(fields.as_mut(), options)
-            }
-            Vectors::Csr(fields) => fields.solve(matrix, fixed, options),
+            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, &mut self.iteration, options),
+            Vectors::Csr(fields) => improve(fields, lost, &mut self.iteration, options),
         }
     }
 
@@ -105,7 +99,19 @@ impl FieldSolver {
     pub(crate) fn energies(&self) -> &[f64] {
         match &self.vectors {
             Vectors::Lattice(fields) => &fields.state().energies,
-            Vectors::Csr(fields) => fields.energies(),
+            Vectors::Csr(fields) => &fields.state().energies,
         }
     }
+}
+
+fn improve(
+    fields: &mut impl Operator,
+    residual_is_lost: bool,
+    iteration: &mut ConjugateGradients,
+    options: &SolverOptions,
+) -> Result<SolveReport, SolveError> {
+    if residual_is_lost {
+        fields.evaluate();
+    }
+    iteration.solve(fields, options)
 }

@@ -1,13 +1,11 @@
 //! Solves K φ = 0 on the free rows for many terminals at once.
 
-mod aggregation;
+mod csr;
 mod energy_error;
 mod field_solver;
 mod incomplete_cholesky;
 mod islands;
 mod lattice;
-mod old_error;
-mod old_pcg;
 mod operator;
 mod pcg;
 mod preconditioner;

@@ -66,6 +66,14 @@ impl CsrValues {
         self.matrix.values()[self.diagonal[row] as usize]
     }
 
+    /// The neighbours of a node and the weights to them.
+    pub(super) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
+        let (offsets, columns, values) = self.matrix.csr_data();
+        let entries = offsets[node]..offsets[node + 1];
+        let row = columns[entries.clone()].iter().zip(&values[entries]);
+        row.filter(move |(column, _)| **column != node).map(|(&column, &value)| (column, -value))
+    }
+
     /// y = K x, and the columns' xᵀy.
     pub(super) fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
         let (offsets, columns, values) = self.matrix.csr_data();

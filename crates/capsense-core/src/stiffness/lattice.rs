@@ -41,6 +41,19 @@ impl LatticeValues {
         self.weight[axis][self.padding() + node]
     }
 
+    /// The neighbours of a node and the weights to them.
+    pub(super) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
+        let (strides, [nx, ny, nz]) = (self.strides(), self.counts);
+        let place = [node % nx, node / nx % ny, node / (nx * ny)];
+        let last = [nx, ny, nz].map(|count| count - 1);
+        (0..3).flat_map(move |axis| {
+            let before = (place[axis] > 0).then(|| node - strides[axis]);
+            let after = (place[axis] < last[axis]).then(|| node + strides[axis]);
+            let before = before.map(|other| (other, self.weight(other, axis)));
+            before.into_iter().chain(after.map(|other| (other, self.weight(node, axis))))
+        })
+    }
+
     /// Sum of the weights around a node.
     pub(super) fn diagonal(&self, node: usize) -> f64 {
         let at = self.padding() + node;

@@ -233,18 +233,18 @@ impl StiffnessMatrix {
         }
     }
 
-    /// The neighbours of a node and the weights to them, in the order of compressed rows; none on a lattice.
+    /// The neighbours of a node and the weights to them, in an order that never changes.
     pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
-        let matrix = match &self.values {
-            Values::Csr(values) => Some(values.matrix()),
-            Values::Lattice(_) => None,
+        let (of_lattice, of_csr) = match &self.values {
+            Values::Lattice(values) => (Some(values.row(node)), None),
+            Values::Csr(values) => (None, Some(values.row(node))),
         };
-        matrix.into_iter().flat_map(move |matrix| {
-            let (offsets, columns, values) = matrix.csr_data();
-            let entries = offsets[node]..offsets[node + 1];
-            let row = columns[entries.clone()].iter().zip(&values[entries]);
-            row.filter(move |(column, _)| **column != node).map(|(&column, &value)| (column, -value))
-        })
+        of_lattice.into_iter().flatten().chain(of_csr.into_iter().flatten())
+    }
+
+    /// Links between a node's row and an object's: node, row of the object, weight.
+    pub(crate) fn links(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.links.iter().map(|link| (link.node as usize, link.object_row as usize, link.weight))
     }
 
     /// Sum of the weights of a node's links to objects.

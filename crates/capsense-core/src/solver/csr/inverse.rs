@@ -1,0 +1,121 @@
+//! Approximations of K⁻¹ on the free rows.
+
+use super::super::Preconditioner;
+use super::aggregation::{Hierarchy, Work};
+use super::direct::Direct;
+use super::incomplete_cholesky::IncompleteCholesky;
+use super::rows::Rows;
+use super::workers::Workers;
+
+/// An approximate inverse with its numbers, and what it made of the residuals of each group of columns.
+#[derive(Clone, Debug)]
+pub(super) struct Inverse<const L: usize> {
+    kind: Kind,
+    preconditioned: Vec<Preconditioned<L>>,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Aggregation(Box<Hierarchy>),
+    IncompleteCholesky(Box<IncompleteCholesky>),
+    Direct(Box<Direct>),
+    /// What each row is multiplied with.
+    Diagonal {
+        identity: bool,
+        factors: Vec<f32>,
+    },
+}
+
+/// z of one group.
+#[derive(Clone, Debug)]
+pub(super) enum Preconditioned<const L: usize> {
+    Single(Vec<[f32; L]>),
+    /// Of an inverse that is exact.
+    Double(Vec<[f64; L]>),
+    /// As it stands on the finest level of a hierarchy.
+    Work(Work<L>),
+}
+
+impl<const L: usize> Inverse<L> {
+    pub(super) fn new(preconditioner: Preconditioner, rows: &Rows, groups: usize) -> Self {
+        let nodes = rows.len();
+        let single = Preconditioned::Single(vec![[0.0; L]; nodes]);
+        let diagonal = |identity| Kind::Diagonal { identity, factors: vec![0.0; nodes] };
+        let (kind, preconditioned) = match preconditioner {
+            Preconditioner::Multigrid => {
+                (Kind::Aggregation(Box::default()), Preconditioned::Work(Work::default()))
+            }
+            Preconditioner::Ic0 => {
+                (Kind::IncompleteCholesky(Box::new(IncompleteCholesky::new(rows))), single)
+            }
+            Preconditioner::Direct => {
+                let z = Preconditioned::Double(vec![[0.0; L]; nodes]);
+                (Kind::Direct(Box::new(Direct::new(rows))), z)
+            }
+            Preconditioner::Jacobi => (diagonal(false), single),
+            Preconditioner::None => (diagonal(true), single),
+        };
+        Self { kind, preconditioned: vec![preconditioned; groups] }
+    }
+
+    /// Takes over the rows that changed.
+    pub(super) fn refresh(&mut self, rows: &Rows) {
+        match &mut self.kind {
+            Kind::Aggregation(hierarchy) => hierarchy.refresh(rows),
+            Kind::IncompleteCholesky(factors) => factors.refresh(rows),
+            Kind::Direct(direct) => direct.refresh(rows),
+            Kind::Diagonal { identity, factors } => {
+                for row in rows.changed().iter().map(|&row| row as usize) {
+                    factors[row] = match (rows.fixed()[row], *identity) {
+                        (true, _) => 0.0,
+                        (false, true) => 1.0,
+                        (false, false) => (1.0 / rows.diagonal()[row]) as f32,
+                    };
+                }
+            }
+        }
+    }
+
+    /// z = M (-kx) of one group, and its columns' zᵀ(-kx).
+    pub(super) fn apply(
+        &mut self,
+        group: usize,
+        rows: &Rows,
+        kx: &[[f64; L]],
+        workers: &Workers,
+    ) -> [f64; L] {
+        match (&self.kind, &mut self.preconditioned[group]) {
+            (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => hierarchy.apply(kx, work, workers),
+            (Kind::IncompleteCholesky(factors), Preconditioned::Single(z)) => factors.apply(kx, z),
+            (Kind::Direct(direct), Preconditioned::Double(z)) => direct.apply(rows, kx, z),
+            (Kind::Diagonal { factors, .. }, Preconditioned::Single(z)) => scale(factors, kx, z),
+            // No other pair is ever made.
+            _ => [0.0; L],
+        }
+    }
+
+    /// z of one group where it is not exact.
+    pub(super) fn approximate_mut(&mut self, group: usize) -> Option<&mut [[f32; L]]> {
+        match &mut self.preconditioned[group] {
+            Preconditioned::Single(z) => Some(z),
+            Preconditioned::Work(work) => work.solution_mut(),
+            Preconditioned::Double(_) => None,
+        }
+    }
+
+    pub(super) fn preconditioned(&self, group: usize) -> &Preconditioned<L> {
+        &self.preconditioned[group]
+    }
+}
+
+/// z = -factor kx, and the columns' zᵀ(-kx).
+fn scale<const L: usize>(factors: &[f32], kx: &[[f64; L]], z: &mut [[f32; L]]) -> [f64; L] {
+    let mut products = [0.0; L];
+    for ((z, kx), factor) in z.iter_mut().zip(kx).zip(factors) {
+        for lane in 0..L {
+            z[lane] = -factor * kx[lane] as f32;
+            products[lane] -= kx[lane] * f64::from(z[lane]);
+        }
+    }
+    products
+}
