@@ -111,7 +111,7 @@ fn multigrid_needs_a_handful_of_iterations_whatever_the_mesh() {
         let options = SolverOptions { tolerance: 1e-10, ..SolverOptions::default() };
         let mut simulator = Simulator::new(sensor.clone(), materials(), options).unwrap();
         let cold = simulator.step(&depth_of_boxes([80, 80], &boxes(0))).unwrap().solve;
-        assert!(cold.iterations <= 12, "{tets}: {cold:?}");
+        assert!(cold.iterations <= 16, "{tets}: {cold:?}");
         let mut listed = Simulator::new(without_lattice(&sensor), materials(), options).unwrap();
         let cold = listed.step(&depth_of_boxes([80, 80], &boxes(0))).unwrap().solve;
         assert!(cold.iterations <= 40, "{tets} by aggregation: {cold:?}");

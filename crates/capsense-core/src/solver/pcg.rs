@@ -15,6 +15,9 @@ const PARALLEL: f64 = 1e-10;
 /// When r·p falls by no more than this part of it in a step of assumed length, rounding rules, or the length was absurd.
 const UNRELIABLE: f64 = 0.1;
 
+/// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
+const ROUNDING: f64 = 1e-16;
+
 /// Step lengths further from one are not used again.
 const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
 
@@ -59,6 +62,7 @@ impl ConjugateGradients {
         fields: &mut impl Operator,
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
+        let tolerance = options.tolerance.max(ROUNDING);
         self.active.fill(true);
         self.error.start();
         let mut iterations = 0;
@@ -86,7 +90,7 @@ impl ConjugateGradients {
             iterations += 1;
             // A column that was done may turn out not to be when others show a worse condition number.
             for (column, active) in self.active.iter_mut().enumerate() {
-                *active = !self.error.is_below(column, options.tolerance);
+                *active = !self.error.is_below(column, tolerance);
             }
         }
         let relative_error = self.error.worst();
