@@ -34,13 +34,13 @@ impl Layout {
     pub(super) fn new(counts: [usize; 3], margin: [usize; 2]) -> Self {
         let [nx, ny, _] = counts;
         let row = nx / 2;
-        Self { counts, margin, row, plane: ny * row + ny.div_ceil(2) + 2 + BLOCK }
+        Self { counts, margin, row, plane: ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK }
     }
 
     /// Room for one value at every node of one colour, and one plane more at either end.
     pub(super) fn len(&self) -> usize {
         let nz = self.counts[2];
-        (nz + 2) * self.plane + nz / 2 + 2 * BLOCK
+        (nz + 2) * self.plane + nz / 2 + 4 * BLOCK
     }
 
     /// Zeros for `columns` values at every node, column after column.

@@ -6,6 +6,7 @@ mod layout;
 mod level;
 mod network;
 mod operator;
+mod rows;
 mod stage;
 mod stencil;
 mod sums;

@@ -6,6 +6,7 @@
 use super::layout::{BLOCK, Layout, RED};
 use super::level::Level;
 use super::network::{Changed, Network};
+use super::rows::{add, add_product, collect, combine, copy, deal, gather};
 use super::stage::Stage;
 use pulp::Simd;
 use std::ops::Range;
@@ -125,7 +126,7 @@ impl Transfer {
         let half = half_row(layout.counts[0]);
         let thick = ThickPlane::zeros(layout, columns);
         let thin = ThinPlane { half, columns, values: vec![0.0; coarse[1] * columns * 2 * half] };
-        let (segments, row) = (segments(&kept[0]), vec![0.0; coarse[0] + 2 * BLOCK]);
+        let (segments, row) = (segments(&kept[0]), vec![0.0; coarse[0].next_multiple_of(2 * BLOCK) + 4 * BLOCK]);
         (Self { z, y, x, thick: [thick.clone(), thick], thin, segments, row }, coarse)
     }
 
@@ -188,18 +189,33 @@ impl Transfer {
     /// Fills a row of the thin plane from the thick one.
     #[inline(always)]
     fn restrict_y<S: Simd>(&mut self, simd: S, layout: &Layout, j: usize, k: usize, column: usize) {
-        let ([thick, _], half) = (&self.thick, self.thin.half - 2 * BLOCK);
+        let ([thick, _], half) = (&self.thick, self.thin.half - 3 * BLOCK);
         let own = self.y.as_ref().map_or(j, |stage| stage.fine_plane[j]);
+        let eliminated = |plane: usize| self.y.as_ref().filter(|stage| stage.is_eliminated(plane));
+        let (after, before) = (eliminated(own + 1), eliminated(own.wrapping_sub(1)));
         for parity in 0..2 {
             let nodes = parity * self.thin.half + BLOCK..parity * self.thin.half + BLOCK + half;
             let to = &mut self.thin.row_mut(j, column)[nodes.start..nodes.end];
-            to.copy_from_slice(thick.half_row(layout, own, parity, column, half));
-            let Some(stage) = &self.y else { continue };
-            for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
-                if stage.is_eliminated(beside) {
-                    let share = &share.row(beside, k)[nodes.start..nodes.end];
-                    add_product(simd, to, share, thick.half_row(layout, beside, parity, column, half));
+            let from = thick.half_row(layout, own, parity, column, half);
+            match (after, before) {
+                (Some(stage), Some(_)) => {
+                    let next = thick.half_row(layout, own + 1, parity, column, half);
+                    let previous = thick.half_row(layout, own - 1, parity, column, half);
+                    let from_next = &stage.previous.row(own + 1, k)[nodes.start..nodes.end];
+                    let from_previous = &stage.next.row(own - 1, k)[nodes.start..nodes.end];
+                    gather(simd, to, from, [from_next, next], [from_previous, previous]);
                 }
+                (Some(stage), None) => {
+                    copy::<S>(to, from);
+                    let share = &stage.previous.row(own + 1, k)[nodes.start..nodes.end];
+                    add_product(simd, to, share, thick.half_row(layout, own + 1, parity, column, half));
+                }
+                (None, Some(stage)) => {
+                    copy::<S>(to, from);
+                    let share = &stage.next.row(own - 1, k)[nodes.start..nodes.end];
+                    add_product(simd, to, share, thick.half_row(layout, own - 1, parity, column, half));
+                }
+                (None, None) => copy::<S>(to, from),
             }
         }
     }
@@ -218,29 +234,31 @@ impl Transfer {
                 RED => (&mut *red, &mut *black),
                 _ => (&mut *black, &mut *red),
             };
-            let of_first = &mut of_first[column * layout.len() + first..][..len.div_ceil(2)];
-            let of_second = &mut of_second[column * layout.len() + second..][..len / 2];
+            // What is written beyond the end of a segment is overwritten by those that follow in this and the next row.
+            let n = len.next_multiple_of(2 * BLOCK);
+            let of_first = &mut of_first[column * layout.len() + first..][..n / 2];
+            let of_second = &mut of_second[column * layout.len() + second..][..n / 2];
             let (own, next) = (self.thin.place(fine), self.thin.place(fine + 1));
             match &self.x {
                 Some(stage) if paired => {
                     // Shares of nodes that are kept, and of those beyond the ends, are zero.
-                    let n = len.next_multiple_of(BLOCK);
                     let previous = self.thin.place_before(fine);
-                    let row = &mut self.row[..n];
-                    row.copy_from_slice(&thin[own..own + n]);
-                    let (from_next, from_previous) = (stage.previous.row(j, k), stage.next.row(j, k));
-                    add_product(simd, row, &from_next[next..next + n], &thin[next..next + n]);
-                    add_product(
+                    let (of_next, of_previous) = (next..next + n, previous..previous + n);
+                    let from_next = &stage.previous.row(j, k)[of_next.start..of_next.end];
+                    let from_previous = &stage.next.row(j, k)[of_previous.start..of_previous.end];
+                    let sums = &mut self.row[..n];
+                    gather(
                         simd,
-                        row,
-                        &from_previous[previous..previous + n],
-                        &thin[previous..previous + n],
+                        sums,
+                        &thin[own..own + n],
+                        [from_next, &thin[of_next]],
+                        [from_previous, &thin[of_previous]],
                     );
-                    deal(&self.row[..len], of_first, of_second);
+                    deal(sums, of_first, of_second);
                 }
                 _ => {
-                    of_first.copy_from_slice(&thin[own..own + len.div_ceil(2)]);
-                    of_second.copy_from_slice(&thin[next..next + len / 2]);
+                    copy::<S>(of_first, &thin[own..own + n / 2]);
+                    copy::<S>(of_second, &thin[next..next + n / 2]);
                 }
             }
         }
@@ -268,12 +286,13 @@ impl Transfer {
     /// Interpolates a coarse plane along x, then y.
     #[inline(always)]
     fn prolong_plane<S: Simd>(&mut self, simd: S, fine: &Layout, coarse: &Level, k: usize, active: &[usize]) {
-        for j in 0..coarse.layout().counts[1] {
+        let rows = coarse.layout().rows();
+        for j in rows.start..rows.end {
             for &column in active {
                 self.prolong_x(simd, coarse, j, k, column);
             }
         }
-        let ([thick, _], thin, half) = (&mut self.thick, &self.thin, self.thin.half - 2 * BLOCK);
+        let ([thick, _], thin, half) = (&mut self.thick, &self.thin, self.thin.half - 3 * BLOCK);
         let mut coarse_row = 0;
         for j in 0..fine.counts[1] {
             let eliminated = match &self.y {
@@ -289,15 +308,13 @@ impl Transfer {
                     let nodes = parity * thin.half + BLOCK..parity * thin.half + BLOCK + half;
                     let before = &thin.row(coarse_row, column)[nodes.start..nodes.end];
                     let Some(stage) = eliminated else {
-                        to.copy_from_slice(before);
+                        copy::<S>(to, before);
                         continue;
                     };
                     let after = &thin.row(coarse_row + 1, column)[nodes.start..nodes.end];
                     let previous = &stage.previous.row(j, k)[nodes.start..nodes.end];
                     let next = &stage.next.row(j, k)[nodes.start..nodes.end];
-                    to.fill(0.0);
-                    add_product(simd, to, previous, before);
-                    add_product(simd, to, next, after);
+                    combine(simd, to, [previous, before], [next, after]);
                 }
             }
         }
@@ -311,26 +328,26 @@ impl Transfer {
             let Segment { fine, coarse: start, len, paired } = *segment;
             let (colour, first) = layout.place([start, j, k]);
             let (other, second) = layout.place([start + 1, j, k]);
-            let of_first = &coarse.x[colour][column * layout.len() + first..];
-            let of_second = &coarse.x[other][column * layout.len() + second..];
+            // What is written beyond the end of a segment is overwritten by those that follow.
+            let n = len.next_multiple_of(2 * BLOCK);
+            let of_first = &coarse.x[colour][column * layout.len() + first..][..n / 2 + BLOCK];
+            let of_second = &coarse.x[other][column * layout.len() + second..][..n / 2 + BLOCK];
             let (own, next) = (self.thin.place(fine), self.thin.place(fine + 1));
             match &self.x {
                 Some(stage) if paired => {
-                    let n = len.next_multiple_of(BLOCK);
                     // One more than there are, for the interpolation behind the last; where that is none, its share is
-                    // zero, and what is written there is overwritten by the segment that follows.
-                    collect(&mut self.row[..n + 2], of_first, of_second);
+                    // zero.
+                    collect(&mut self.row[..n + 2 * BLOCK], of_first, of_second);
                     let thin = self.thin.row_mut(j, column);
-                    thin[own..own + len].copy_from_slice(&self.row[..len]);
+                    copy::<S>(&mut thin[own..own + n], &self.row[..n]);
+                    let shares = [&stage.previous.row(j, k)[next..next + n], &stage.next.row(j, k)[next..next + n]];
                     let between = &mut thin[next..next + n];
-                    between.fill(0.0);
-                    add_product(simd, between, &stage.previous.row(j, k)[next..next + n], &self.row[..n]);
-                    add_product(simd, between, &stage.next.row(j, k)[next..next + n], &self.row[1..n + 1]);
+                    combine(simd, between, [shares[0], &self.row[..n]], [shares[1], &self.row[1..n + 1]]);
                 }
                 _ => {
                     let thin = self.thin.row_mut(j, column);
-                    thin[own..own + len.div_ceil(2)].copy_from_slice(&of_first[..len.div_ceil(2)]);
-                    thin[next..next + len / 2].copy_from_slice(&of_second[..len / 2]);
+                    copy::<S>(&mut thin[own..own + n / 2], &of_first[..n / 2]);
+                    copy::<S>(&mut thin[next..next + n / 2], &of_second[..n / 2]);
                 }
             }
         }
@@ -373,50 +390,13 @@ fn segments(kept: &[bool]) -> Vec<Segment> {
     segments
 }
 
-/// Room for every second node of a row, in blocks: one to spare before them, and one behind.
+/// Room for every second node of a row, in blocks: one to spare before them, and two behind.
 pub(super) fn half_row(nodes: usize) -> usize {
-    2 * BLOCK + nodes.div_ceil(2).next_multiple_of(BLOCK)
+    3 * BLOCK + nodes.div_ceil(2).next_multiple_of(BLOCK)
 }
 
 /// Where a node is in a row of even nodes and, behind these, odd ones.
 #[inline(always)]
 pub(super) fn place_in_halves(node: usize, half: usize) -> usize {
     node % 2 * half + node / 2 + BLOCK
-}
-
-/// Deals a row to its first, third and so on, and to the others.
-#[inline(always)]
-fn deal(row: &[f32], first: &mut [f32], second: &mut [f32]) {
-    let (pairs, rest) = row.as_chunks::<2>();
-    for ((pair, first), second) in pairs.iter().zip(&mut *first).zip(second) {
-        (*first, *second) = (pair[0], pair[1]);
-    }
-    if let ([last], Some(to)) = (rest, first.last_mut()) {
-        *to = *last;
-    }
-}
-
-/// The opposite of [`deal`], for an even number of nodes.
-#[inline(always)]
-fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
-    for ((pair, first), second) in row.as_chunks_mut::<2>().0.iter_mut().zip(first).zip(second) {
-        *pair = [*first, *second];
-    }
-}
-
-/// to += a b.
-#[inline(always)]
-fn add_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], b: &[f32]) {
-    let (to, a, b) = (S::as_mut_simd_f32s(to).0, S::as_simd_f32s(a).0, S::as_simd_f32s(b).0);
-    for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
-        *to = simd.add_f32s(*to, simd.mul_f32s(*a, *b));
-    }
-}
-
-/// to += a.
-#[inline(always)]
-fn add<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
-    for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
-        *to = simd.add_f32s(*to, *a);
-    }
 }

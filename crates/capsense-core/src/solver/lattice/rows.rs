@@ -1,0 +1,83 @@
+//! Arithmetic on pieces of rows. All lengths are whole numbers of blocks.
+//!
+//! Copies are written out, because rows are short and a call for each would cost more than the copy.
+
+use super::layout::BLOCK;
+use pulp::Simd;
+
+/// to = a.
+#[inline(always)]
+pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
+    for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
+        *to = *a;
+    }
+}
+
+/// to += a.
+#[inline(always)]
+pub(super) fn add<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
+    for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
+        *to = simd.add_f32s(*to, *a);
+    }
+}
+
+/// to += a u.
+#[inline(always)]
+pub(super) fn add_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
+    let (to, a, u) = (S::as_mut_simd_f32s(to).0, S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
+    for ((to, a), u) in to.iter_mut().zip(a).zip(u) {
+        *to = simd.add_f32s(*to, simd.mul_f32s(*a, *u));
+    }
+}
+
+/// to = a u + b v.
+#[inline(always)]
+pub(super) fn combine<S: Simd>(simd: S, to: &mut [f32], [a, u]: [&[f32]; 2], [b, v]: [&[f32]; 2]) {
+    let (a, u) = (S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
+    let (b, v) = (S::as_simd_f32s(b).0, S::as_simd_f32s(v).0);
+    for ((((to, a), u), b), v) in S::as_mut_simd_f32s(to).0.iter_mut().zip(a).zip(u).zip(b).zip(v) {
+        *to = simd.add_f32s(simd.mul_f32s(*a, *u), simd.mul_f32s(*b, *v));
+    }
+}
+
+/// to = own + a u + b v.
+#[inline(always)]
+pub(super) fn gather<S: Simd>(
+    simd: S,
+    to: &mut [f32],
+    own: &[f32],
+    [a, u]: [&[f32]; 2],
+    [b, v]: [&[f32]; 2],
+) {
+    let own = S::as_simd_f32s(own).0;
+    let (a, u) = (S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
+    let (b, v) = (S::as_simd_f32s(b).0, S::as_simd_f32s(v).0);
+    let to = S::as_mut_simd_f32s(to).0;
+    for (((((to, own), a), u), b), v) in to.iter_mut().zip(own).zip(a).zip(u).zip(b).zip(v) {
+        let sum = simd.add_f32s(*own, simd.mul_f32s(*a, *u));
+        *to = simd.add_f32s(sum, simd.mul_f32s(*b, *v));
+    }
+}
+
+/// Deals a row to its first, third and so on, and to the others.
+#[inline(always)]
+pub(super) fn deal(row: &[f32], first: &mut [f32], second: &mut [f32]) {
+    let (first, second) = (first.as_chunks_mut::<BLOCK>().0, second.as_chunks_mut::<BLOCK>().0);
+    let row = row.as_chunks::<{ 2 * BLOCK }>().0;
+    for ((row, first), second) in row.iter().zip(first).zip(second) {
+        *first = [row[0], row[2], row[4], row[6], row[8], row[10], row[12], row[14]];
+        *second = [row[1], row[3], row[5], row[7], row[9], row[11], row[13], row[15]];
+    }
+}
+
+/// The opposite of [`deal`].
+#[inline(always)]
+pub(super) fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
+    let (first, second) = (first.as_chunks::<BLOCK>().0, second.as_chunks::<BLOCK>().0);
+    let row = row.as_chunks_mut::<{ 2 * BLOCK }>().0;
+    for ((row, a), b) in row.iter_mut().zip(first).zip(second) {
+        *row = [
+            a[0], b[0], a[1], b[1], a[2], b[2], a[3], b[3], a[4], b[4], a[5], b[5], a[6], b[6], a[7], b[7],
+        ];
+    }
+}
