@@ -9,7 +9,7 @@
 const REMEMBERED: usize = 12;
 
 /// What a short iteration shows of κ - 1 may fall short by this factor.
-const CAUTION: f64 = 3.0;
+const CAUTION: f64 = 2.5;
 
 /// Every so many solves the iteration is made long enough to show whether the condition number has changed.
 const LEARN_EVERY: u32 = 16;

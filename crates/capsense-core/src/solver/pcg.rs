@@ -18,8 +18,8 @@ const UNRELIABLE: f64 = 0.1;
 /// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
 const ROUNDING: f64 = 1e-16;
 
-/// Step lengths further from one are not used again.
-const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=1.5;
+/// Lengths of first steps that may be used again.
+const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
 /// What one solve leaves for the next, and working storage.
 #[derive(Clone, Debug)]

@@ -5,6 +5,12 @@ use super::network::{Changed, Network};
 use super::stencil::Stencil;
 use pulp::Simd;
 
+/// Coarse networks are somewhat too stiff, because what couples eliminated nodes is divided among their neighbours: with
+/// four or five of them, corrections of smooth errors fall short by a third. Residuals are raised by this factor on their
+/// way to the coarser level to make up for most of it. Measured at 200k tetrahedra: the condition number falls from 4.9
+/// to 3.9 (as estimated, with caution); a larger factor makes other errors worse.
+const OVERCORRECTION: f32 = 1.15;
+
 /// A level's network and vectors, column after column.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
@@ -115,14 +121,14 @@ impl Level {
         }
     }
 
-    /// r = Σ w x at the red nodes of a plane.
+    /// r = Σ w x, raised for the coarser level, at the red nodes of a plane.
     #[inline(always)]
     fn red_residual<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
         let (len, places) = (self.layout().len(), self.layout().plane(k));
         let stencil = self.stencil.piece(RED, places.start..places.end);
         for column in active {
             let r = &mut self.r[column * len + places.start..column * len + places.end];
-            stencil.gather(simd, r, &self.x[BLACK][column * len..(column + 1) * len]);
+            stencil.gather(simd, OVERCORRECTION, r, &self.x[BLACK][column * len..(column + 1) * len]);
         }
     }
 }

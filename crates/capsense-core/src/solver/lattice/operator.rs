@@ -222,7 +222,7 @@ impl LatticeSolver {
                 for colour in [RED, BLACK] {
                     let own = &z[colour][at.start..at.end];
                     let piece = stencil.piece(colour, places.start..places.end);
-                    piece.gather(simd, gathered, &z[1 - colour][column * len..(column + 1) * len]);
+                    piece.gather(simd, 1.0, gathered, &z[1 - colour][column * len..(column + 1) * len]);
                     let diagonal = &self.stencil.centre[colour][places.start..places.end];
                     for ((kz, z), diagonal) in gathered.iter_mut().zip(own).zip(diagonal) {
                         *kz = (diagonal * f64::from(*z) - f64::from(*kz)) as f32;

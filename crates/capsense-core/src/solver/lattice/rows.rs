@@ -76,8 +76,7 @@ pub(super) fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
     let (first, second) = (first.as_chunks::<BLOCK>().0, second.as_chunks::<BLOCK>().0);
     let row = row.as_chunks_mut::<{ 2 * BLOCK }>().0;
     for ((row, a), b) in row.iter_mut().zip(first).zip(second) {
-        *row = [
-            a[0], b[0], a[1], b[1], a[2], b[2], a[3], b[3], a[4], b[4], a[5], b[5], a[6], b[6], a[7], b[7],
-        ];
+        *row =
+            [a[0], b[0], a[1], b[1], a[2], b[2], a[3], b[3], a[4], b[4], a[5], b[5], a[6], b[6], a[7], b[7]];
     }
 }

@@ -83,14 +83,15 @@ impl Piece<'_, f32> {
         }
     }
 
-    /// r = Σ w x.
+    /// r = f Σ w x.
     #[inline(always)]
-    pub(super) fn gather<S: Simd>(&self, simd: S, r: &mut [f32], of_other: &[f32]) {
+    pub(super) fn gather<S: Simd>(&self, simd: S, factor: f32, r: &mut [f32], of_other: &[f32]) {
+        let factor = simd.splat_f32s(factor);
         let r = S::as_mut_simd_f32s(r).0;
         let n = r.len();
         let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(self.neighbours(of_other), n));
         for i in 0..n {
-            r[i] = sum_of_six_single(simd, &w, &v, i);
+            r[i] = simd.mul_f32s(factor, sum_of_six_single(simd, &w, &v, i));
         }
     }
 }

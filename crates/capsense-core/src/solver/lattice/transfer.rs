@@ -126,7 +126,8 @@ impl Transfer {
         let half = half_row(layout.counts[0]);
         let thick = ThickPlane::zeros(layout, columns);
         let thin = ThinPlane { half, columns, values: vec![0.0; coarse[1] * columns * 2 * half] };
-        let (segments, row) = (segments(&kept[0]), vec![0.0; coarse[0].next_multiple_of(2 * BLOCK) + 4 * BLOCK]);
+        let (segments, row) =
+            (segments(&kept[0]), vec![0.0; coarse[0].next_multiple_of(2 * BLOCK) + 4 * BLOCK]);
         (Self { z, y, x, thick: [thick.clone(), thick], thin, segments, row }, coarse)
     }
 
@@ -340,7 +341,8 @@ impl Transfer {
                     collect(&mut self.row[..n + 2 * BLOCK], of_first, of_second);
                     let thin = self.thin.row_mut(j, column);
                     copy::<S>(&mut thin[own..own + n], &self.row[..n]);
-                    let shares = [&stage.previous.row(j, k)[next..next + n], &stage.next.row(j, k)[next..next + n]];
+                    let shares =
+                        [&stage.previous.row(j, k)[next..next + n], &stage.next.row(j, k)[next..next + n]];
                     let between = &mut thin[next..next + n];
                     combine(simd, between, [shares[0], &self.row[..n]], [shares[1], &self.row[1..n + 1]]);
                 }
