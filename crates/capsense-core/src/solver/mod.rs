@@ -40,8 +40,8 @@ pub struct SolveReport {
     pub iterations: usize,
     /// Estimated relative error of the self-capacitances, the largest over all terminals.
     pub relative_error: f64,
-    /// Recomputed norm of the residual charges on free rows over the norm of the charges on terminals, the largest
-    /// over all terminals.
+    /// Recomputed norm of the residual charges on free rows over the norm of the charges on the
+    /// terminal's own nodes, the largest over all terminals.
     pub residual: f64,
 }
 

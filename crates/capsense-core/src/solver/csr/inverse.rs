@@ -150,7 +150,8 @@ fn substitute<const L: usize>(
     kx: &[[f64; L]],
     z: &mut [[f64; L]],
 ) -> [f64; L] {
-    factors.solve(kx, z);
+    // Rows of objects, which are fixed, come after those of the nodes.
+    factors.solve(&kx[..z.len()], z);
     let mut products = [0.0; L];
     for ((z, kx), &fixed) in z.iter_mut().zip(kx).zip(fixed) {
         *z = if fixed { [0.0; L] } else { z.map(|z| -z) };
