@@ -164,6 +164,26 @@ fn two_runs_give_identical_capacitances() {
 }
 
 #[test]
+fn every_preconditioner_gives_the_same_capacitances() {
+    let folder = tempfile::tempdir().unwrap();
+    let solve = |name: &str| {
+        let scene = common::SCENE.replace("\"jacobi\"", &format!("\"{name}\""));
+        std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+        let outcome = capsense(folder.path(), &["solve", "scene.toml", "--json", "--frame", "2"]);
+        assert_eq!(outcome.code, Some(0), "{name}: {}", outcome.stderr);
+        let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
+        assert_eq!(solved["solver"]["preconditioner"], name);
+        matrix(&solved["capacitance_farads"])
+    };
+    let exact = solve("direct");
+    for name in ["multigrid", "ic0", "jacobi", "none"] {
+        for (c, exact) in solve(name).iter().flatten().zip(exact.iter().flatten()) {
+            assert!((c - exact).abs() <= 3e-4 * exact.abs(), "{name}: {c} {exact}");
+        }
+    }
+}
+
+#[test]
 fn solve_prints_one_json_object_that_is_a_maxwell_matrix() {
     let folder = tempfile::tempdir().unwrap();
     write_scene(folder.path());

@@ -356,8 +356,6 @@ const CASES: &[Case] = &[
     case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
     case("\"edge-cut\"", "\"centroid\"", "centroid", "not supported yet", "simulation.interface"),
     case("\"edge-cut\"", "\"volume-fraction\"", "volume", "not supported yet", "simulation.interface"),
-    case("\"jacobi\"", "\"ic0\"", "ic0", "not supported yet", "solver.preconditioner"),
-    case("\"jacobi\"", "\"direct\"", "direct", "not supported yet", "solver.preconditioner"),
 ];
 
 #[test]

@@ -183,9 +183,11 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     }
     let preconditioner = match raw.solver.preconditioner {
         Some(RawPreconditioner::Multigrid) => Preconditioner::Multigrid,
+        Some(RawPreconditioner::Ic0) => Preconditioner::Ic0,
+        Some(RawPreconditioner::Direct) => Preconditioner::Direct,
         Some(RawPreconditioner::Jacobi) => Preconditioner::Jacobi,
         Some(RawPreconditioner::None) => Preconditioner::None,
-        _ => defaults.preconditioner,
+        None => defaults.preconditioner,
     };
     Ok(Scene {
         source: check.source.clone(),

@@ -1,6 +1,6 @@
 //! What a scene file may say but this version cannot compute yet. Each line goes when its feature comes.
 
-use super::raw::{MeshKind, RawGeometry, RawInterface, RawPreconditioner, RawScene};
+use super::raw::{MeshKind, RawGeometry, RawInterface, RawScene};
 use super::source::{SceneError, Source};
 
 /// Refuses a scene that asks for something that is not computed yet, rather than ignoring it.
@@ -9,8 +9,7 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
     let stl = raw.sensor.electrode.iter().position(|electrode| electrode.stl.is_some());
     let stl_key = format!("sensor.electrode[{}].stl", stl.unwrap_or_default());
     let simulation = &raw.simulation;
-    let preconditioner = raw.solver.preconditioner;
-    let asked: [(bool, &str, &str); 8] = [
+    let asked: [(bool, &str, &str); 6] = [
         (generate.is_some_and(|g| g.tolerance.is_some()), "mesh.generate.tolerance", ""),
         (
             generate.is_some_and(|g| g.kind == Some(MeshKind::Bisection)),
@@ -25,8 +24,6 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
             "simulation.interface",
             " = \"volume-fraction\"",
         ),
-        (preconditioner == Some(RawPreconditioner::Ic0), "solver.preconditioner", " = \"ic0\""),
-        (preconditioner == Some(RawPreconditioner::Direct), "solver.preconditioner", " = \"direct\""),
     ];
     match asked.iter().find(|(asked, ..)| *asked) {
         Some((_, key, value)) => Err(source.unsupported(key, format!("{key}{value}"))),

@@ -349,3 +349,58 @@ fn check(sensor: &Sensor, materials: &[Material], options: &SolverOptions) -> Re
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::electrode::{Electrode, Outline};
+    use crate::geometry::Aabb;
+    use crate::occupancy::{DepthLayers, OrthographicView};
+    use crate::sensor::SensorDesign;
+    use glam::{DVec2, DVec3};
+
+    /// From the potentials and K as compressed rows; links to an object at 0 V are on the diagonal alone.
+    fn residual(simulator: &Simulator) -> f64 {
+        let matrix = simulator.matrix.to_csr();
+        let of_column = |column: usize| {
+            let (mut free, mut held) = (0.0, 0.0);
+            for (node, row) in matrix.row_iter().enumerate() {
+                let entries = row.col_indices().iter().zip(row.values());
+                let charge: f64 =
+                    entries.map(|(&other, k)| k * simulator.fields.potential(column, other)).sum();
+                match simulator.occupancy.conductors()[node] == NO_OBJECT {
+                    true if simulator.sensor.terminals()[node] == FREE => free += charge * charge,
+                    _ => held += (simulator.fields.potential(column, node) * charge).powi(2),
+                }
+            }
+            f64::sqrt(free / held)
+        };
+        (0..simulator.fields.columns()).map(of_column).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn the_residual_reported_is_that_of_the_potentials() {
+        let domain = Aabb { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) };
+        let outline = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.04) };
+        let electrodes = vec![Electrode { name: "E1".into(), outline, z: 0.0 }];
+        let design = SensorDesign { domain, electrodes, substrate: None };
+        let sensor = Sensor::on_lattice(&design, &design.lattice(5_000).unwrap()).unwrap();
+        let mut depth = DepthLayers::empty(OrthographicView { domain, width: 8, height: 8 }, 1);
+        let (front, back) = depth.layer_mut(0);
+        front[..40].fill(0.03);
+        back[..40].fill(0.05);
+        // Multigrid has the lattice's operator, the others have rows.
+        for preconditioner in [Preconditioner::Multigrid, Preconditioner::Ic0, Preconditioner::Jacobi] {
+            let options = SolverOptions { preconditioner, ..SolverOptions::default() };
+            let plate = Material::Conductor(Connection::Grounded);
+            let mut simulator = Simulator::new(sensor.clone(), vec![plate], options).unwrap();
+            let reported = simulator.step(&depth).unwrap().solve.residual;
+            let expected = residual(&simulator);
+            assert!(
+                (reported / expected - 1.0).abs() < 1e-6,
+                "{preconditioner:?}: {reported:e} {expected:e}"
+            );
+        }
+    }
+}

@@ -16,7 +16,7 @@ use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::SolverOptions;
 use capsense_core::stiffness::{EdgeNetwork, StiffnessMatrix};
-use common::{DOMAIN, bar, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
+use common::{DOMAIN, Dice, bar, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
 use proptest::prelude::*;
 use std::sync::LazyLock;
 
@@ -116,28 +116,6 @@ impl<'a> Updater<'a> {
         self.step(surfaces);
         self.assert_is_fresh(surfaces);
         self.assert_tells_changes_since(&before);
-    }
-}
-
-/// Uniform numbers in a reproducible order.
-struct Dice(u64);
-
-impl Dice {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.next()
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        ((self.next() * count as f64) as usize).min(count - 1)
-    }
-
-    fn point(&mut self) -> DVec3 {
-        DVec3::new(self.between(-0.3, 0.3), self.between(-0.3, 0.3), self.between(-0.05, 0.3))
     }
 }
 

@@ -37,7 +37,8 @@ pub struct IncompleteCholesky {
     /// The strictly lower triangle by rows, columns increasing.
     offsets: Vec<u32>,
     columns: Vec<u32>,
-    /// Where each of its entries, and each diagonal entry, stands among the values of the whole matrix.
+    /// Where each of its entries, and each diagonal entry, stands among the values of the whole matrix; the latter only
+    /// where that is one list.
     sources: Vec<u32>,
     diagonal_sources: Vec<u32>,
     /// L below its unit diagonal.
@@ -63,28 +64,42 @@ impl IncompleteCholesky {
         if u32::try_from(pattern.nnz()).is_err() {
             return Err(PatternError::TooManyEntries(pattern.nnz()));
         }
-        let mut factors = Self {
-            offsets: vec![0],
-            columns: Vec::with_capacity(pattern.nnz() / 2),
-            sources: Vec::with_capacity(pattern.nnz() / 2),
-            diagonal_sources: Vec::with_capacity(rows),
-            lower: Vec::new(),
-            inverse_pivots: vec![1.0; rows],
-            place: vec![0; rows],
-        };
+        let below = |row| pattern.lane(row).partition_point(|&column| column < row);
+        let mut diagonal_sources = Vec::with_capacity(rows);
         for row in 0..rows {
-            let first = pattern.major_offsets()[row];
-            let below = pattern.lane(row).partition_point(|&column| column < row);
-            if pattern.lane(row).get(below) != Some(&row) {
+            if pattern.lane(row).get(below(row)) != Some(&row) {
                 return Err(PatternError::NoDiagonal(row));
             }
-            factors.columns.extend(pattern.lane(row)[..below].iter().map(|&column| column as u32));
-            factors.sources.extend((first..first + below).map(|source| source as u32));
-            factors.diagonal_sources.push((first + below) as u32);
-            factors.offsets.push(factors.columns.len() as u32);
+            diagonal_sources.push((pattern.major_offsets()[row] + below(row)) as u32);
         }
-        factors.lower = vec![0.0; factors.columns.len()];
-        Ok(factors)
+        let triangle = (0..rows).map(|row| {
+            let columns = pattern.lane(row)[..below(row)].iter().map(|&column| column as u32);
+            columns.zip(pattern.major_offsets()[row] as u32..)
+        });
+        Ok(Self { diagonal_sources, ..Self::of_triangle(triangle) })
+    }
+
+    /// The symbolic part from the strictly lower triangle, row by row: the columns in increasing order, and the number
+    /// by which [`IncompleteCholesky::factorise`] asks for each value.
+    pub(crate) fn of_triangle(triangle: impl Iterator<Item: IntoIterator<Item = (u32, u32)>>) -> Self {
+        let (mut offsets, mut columns, mut sources) = (vec![0], Vec::new(), Vec::new());
+        for entries in triangle {
+            for (column, source) in entries {
+                columns.push(column);
+                sources.push(source);
+            }
+            offsets.push(columns.len() as u32);
+        }
+        let rows = offsets.len() - 1;
+        Self {
+            lower: vec![0.0; columns.len()],
+            offsets,
+            columns,
+            sources,
+            diagonal_sources: Vec::new(),
+            inverse_pivots: vec![1.0; rows],
+            place: vec![0; rows],
+        }
     }
 
     /// Number of rows.
@@ -95,12 +110,25 @@ impl IncompleteCholesky {
     /// Factorises anew. `values` are those of the whole matrix in the order of the pattern; rows and columns that are
     /// `fixed` count as those of the identity. Returns how many pivots were replaced.
     ///
-    /// Row i of the factors, from the rows k < i before it:
-    /// u_ik = a_ik - Σ_{j<k} u_ij l_kj, l_ik = u_ik / d_k, d_i = a_ii - Σ_k u_ik l_ik.
-    ///
     /// # Panics
     /// When there are fewer values than the pattern has entries, or another number of `fixed` than rows.
     pub fn refactor(&mut self, values: &[f64], fixed: &[bool]) -> usize {
+        let diagonal: Vec<f64> =
+            self.diagonal_sources.iter().map(|&source| values[source as usize]).collect();
+        self.factorise(&diagonal, |source| values[source], fixed)
+    }
+
+    /// Factorises anew from the diagonal and the values below it by their numbers. Returns how many pivots were
+    /// replaced.
+    ///
+    /// Row i of the factors, from the rows k < i before it:
+    /// u_ik = a_ik - Σ_{j<k} u_ij l_kj, l_ik = u_ik / d_k, d_i = a_ii - Σ_k u_ik l_ik.
+    pub(crate) fn factorise(
+        &mut self,
+        diagonal: &[f64],
+        below: impl Fn(usize) -> f64,
+        fixed: &[bool],
+    ) -> usize {
         assert_eq!(fixed.len(), self.rows(), "one flag for each row");
         let mut replaced = 0;
         for row in 0..fixed.len() {
@@ -112,12 +140,11 @@ impl IncompleteCholesky {
             }
             for entry in entries.clone() {
                 let free = !fixed[self.columns[entry] as usize];
-                self.lower[entry] = if free { values[self.sources[entry] as usize] } else { 0.0 };
+                self.lower[entry] = if free { below(self.sources[entry] as usize) } else { 0.0 };
             }
-            let diagonal = values[self.diagonal_sources[row] as usize];
-            let mut pivot = diagonal - self.eliminate(entries);
-            if pivot <= SMALLEST_PIVOT * diagonal {
-                pivot = diagonal;
+            let mut pivot = diagonal[row] - self.eliminate(entries);
+            if pivot <= SMALLEST_PIVOT * diagonal[row] {
+                pivot = diagonal[row];
                 replaced += 1;
             }
             self.inverse_pivots[row] = 1.0 / pivot;

@@ -31,7 +31,7 @@ pub(super) struct State {
     pub(super) energies: Vec<f64>,
     /// rᵀp of each column, p the last step.
     pub(super) along: Vec<f64>,
-    /// Σ (Kx)² over free rows, which is Σ r², and over fixed rows, of each column.
+    /// Σ (Kx)² over free rows, which is Σ r², and over the rows at 1 V, of each column.
     pub(super) residual: Vec<f64>,
     pub(super) charge: Vec<f64>,
 }

@@ -75,6 +75,10 @@ impl ConjugateGradients {
             self.rz.copy_from_slice(fields.precondition(&self.active));
             self.check(iterations)?;
             if !self.active.contains(&true) {
+                if iterations == 0 {
+                    // Nothing to improve, but rows may have changed since the energies were summed.
+                    fields.evaluate();
+                }
                 break;
             }
             let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
@@ -172,6 +176,9 @@ impl ConjugateGradients {
             let energy = state.energies[column * columns + column];
             if !(energy.is_finite() && after.is_finite()) {
                 return Err(SolveError::NonFinite { column, iteration });
+            }
+            if energy < 0.0 {
+                return Err(SolveError::Indefinite { column, iteration, curvature: energy });
             }
             let fallen = before - after;
             let reliable = exact || fallen > UNRELIABLE * before;

@@ -2,13 +2,16 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
-use capsense_core::mesh::TetMesh;
+use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::mesh::{TetMesh, signed_volume};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign};
-use capsense_core::solver::SolverOptions;
+use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign};
+use capsense_core::simulator::Simulator;
+use capsense_core::solver::{Preconditioner, SolverOptions};
 
 /// The domain of the built-in scene.
 pub const DOMAIN: Aabb = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3::new(0.25, 0.25, 0.45) };
@@ -17,7 +20,7 @@ pub const DOMAIN: Aabb = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3
 pub const EXACT: SolverOptions = SolverOptions {
     tolerance: 1e-22,
     change_tolerance: None,
-    preconditioner: capsense_core::solver::Preconditioner::Multigrid,
+    preconditioner: Preconditioner::Multigrid,
     max_iterations: 20_000,
 };
 
@@ -75,4 +78,89 @@ pub fn on_other_mesh(sensor: &Sensor, mesh: TetMesh) -> Sensor {
     let names = sensor.electrode_names().iter().cloned();
     let electrodes = names.zip(1..).map(|(name, t)| (name, ElectrodeNodes::Nodes(nodes_of(t)))).collect();
     Sensor::on_mesh(mesh, &nodes_of(GROUND), electrodes).unwrap()
+}
+
+/// The same sensor on a lattice and on a mesh that is not known to be one.
+pub fn both(lattice: Sensor) -> [Sensor; 2] {
+    [without_lattice(&lattice), lattice]
+}
+
+pub fn conductor(connection: Connection) -> Material {
+    Material::Conductor(connection)
+}
+
+pub fn dielectric(relative_permittivity: f64) -> Material {
+    Material::Dielectric(RelativePermittivity::new(relative_permittivity).unwrap())
+}
+
+/// The usual solver with another tolerance.
+pub fn to(tolerance: f64) -> SolverOptions {
+    SolverOptions { tolerance, ..SolverOptions::default() }
+}
+
+/// What a simulator is compared with: a sparse factorisation of the whole matrix.
+pub fn oracle(sensor: &Sensor, materials: &[Material]) -> Simulator {
+    let options = SolverOptions { preconditioner: Preconditioner::Direct, ..to(1e-13) };
+    Simulator::new(sensor.clone(), materials.to_vec(), options).unwrap()
+}
+
+/// Largest error of an entry relative to √(C_ii C_jj).
+pub fn relative_error(c: &CapacitanceMatrix, truth: &CapacitanceMatrix) -> f64 {
+    let entries = (0..c.size()).flat_map(|i| (0..c.size()).map(move |j| (i, j)));
+    entries
+        .map(|(i, j)| (c.get(i, j) - truth.get(i, j)).abs() / (truth.get(i, i) * truth.get(j, j)).sqrt())
+        .fold(0.0, |worst, error| if error.is_nan() { f64::NAN } else { error.max(worst) })
+}
+
+/// Uniform numbers in a reproducible order.
+pub struct Dice(pub u64);
+
+impl Dice {
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.next()
+    }
+
+    pub fn below(&mut self, count: usize) -> usize {
+        ((self.next() * count as f64) as usize).min(count - 1)
+    }
+
+    pub fn point(&mut self) -> DVec3 {
+        DVec3::new(self.between(-0.3, 0.3), self.between(-0.3, 0.3), self.between(-0.05, 0.3))
+    }
+}
+
+/// The sensor on its mesh with some free nodes moved almost into the opposite face of an element.
+pub fn with_slivers(sensor: &Sensor) -> Sensor {
+    let mesh = sensor.mesh();
+    let (mut nodes, tets) = (mesh.nodes().to_vec(), mesh.tets().to_vec());
+    let mut touched = vec![false; nodes.len()];
+    let mut moved = 0;
+    for tet in tets.iter().step_by(7) {
+        let [node, face @ ..] = *tet;
+        let node = node as usize;
+        let around: Vec<_> = tets.iter().filter(|tet| tet.contains(&(node as u32))).collect();
+        if sensor.terminals()[node] != FREE
+            || around.iter().any(|tet| tet.iter().any(|&n| touched[n as usize]))
+        {
+            continue;
+        }
+        let before = nodes[node];
+        let middle = face.iter().map(|&n| nodes[n as usize]).sum::<DVec3>() / 3.0;
+        nodes[node] = before + 0.9995 * (middle - before);
+        let volume = |tet: &[u32; 4]| signed_volume(tet.map(|n| nodes[n as usize]));
+        if around.iter().any(|tet| volume(tet) < 1e-6 * mesh.volume() / tets.len() as f64) {
+            nodes[node] = before;
+        } else {
+            around.iter().flat_map(|tet| tet.iter()).for_each(|&n| touched[n as usize] = true);
+            moved += 1;
+        }
+    }
+    assert!(moved > 5, "{moved} slivers");
+    on_other_mesh(sensor, TetMesh::new(nodes, tets).unwrap())
 }

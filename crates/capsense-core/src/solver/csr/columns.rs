@@ -46,9 +46,13 @@ impl<const L: usize> Sums<L> {
                 energies[lane] += x * kx[lane];
             }
         }
-        let squares = if fixed { &mut self.charge } else { &mut self.residual };
         for lane in 0..L {
-            squares[lane] += kx[lane] * kx[lane];
+            if fixed {
+                // Of the rows that are fixed, those of the column's own terminal are at 1 V.
+                self.charge[lane] += (x[lane] * kx[lane]).powi(2);
+            } else {
+                self.residual[lane] += kx[lane] * kx[lane];
+            }
             self.along[lane] += kx[lane] * f64::from(p[lane]);
         }
     }

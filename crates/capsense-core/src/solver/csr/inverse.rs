@@ -1,9 +1,8 @@
 //! Approximations of K⁻¹ on the free rows.
 
-use super::super::Preconditioner;
+use super::super::{IncompleteCholesky, Preconditioner};
 use super::aggregation::{Hierarchy, Work};
 use super::direct::Direct;
-use super::incomplete_cholesky::IncompleteCholesky;
 use super::rows::Rows;
 use super::workers::Workers;
 
@@ -30,28 +29,48 @@ enum Kind {
 #[derive(Clone, Debug)]
 pub(super) enum Preconditioned<const L: usize> {
     Single(Vec<[f32; L]>),
-    /// Of an inverse that is exact.
+    /// Of Cholesky factors.
     Double(Vec<[f64; L]>),
     /// As it stands on the finest level of a hierarchy.
     Work(Work<L>),
+}
+
+/// z of one group, to be changed.
+pub(super) enum Approximate<'a, const L: usize> {
+    Single(&'a mut [[f32; L]]),
+    Double(&'a mut [[f64; L]]),
+}
+
+impl<const L: usize> Approximate<'_, L> {
+    /// Adds to z at one place and returns what was added after rounding.
+    pub(super) fn raise(&mut self, row: usize, lane: usize, shift: f64) -> f64 {
+        match self {
+            Self::Single(z) => {
+                let z = &mut z[row][lane];
+                let before = f64::from(*z);
+                *z = (before + shift) as f32;
+                f64::from(*z) - before
+            }
+            Self::Double(z) => {
+                z[row][lane] += shift;
+                shift
+            }
+        }
+    }
 }
 
 impl<const L: usize> Inverse<L> {
     pub(super) fn new(preconditioner: Preconditioner, rows: &Rows, groups: usize) -> Self {
         let nodes = rows.len();
         let single = Preconditioned::Single(vec![[0.0; L]; nodes]);
+        let double = Preconditioned::Double(vec![[0.0; L]; nodes]);
         let diagonal = |identity| Kind::Diagonal { identity, factors: vec![0.0; nodes] };
         let (kind, preconditioned) = match preconditioner {
             Preconditioner::Multigrid => {
                 (Kind::Aggregation(Box::default()), Preconditioned::Work(Work::default()))
             }
-            Preconditioner::Ic0 => {
-                (Kind::IncompleteCholesky(Box::new(IncompleteCholesky::new(rows))), single)
-            }
-            Preconditioner::Direct => {
-                let z = Preconditioned::Double(vec![[0.0; L]; nodes]);
-                (Kind::Direct(Box::new(Direct::new(rows))), z)
-            }
+            Preconditioner::Ic0 => (Kind::IncompleteCholesky(Box::new(incomplete_cholesky(rows))), double),
+            Preconditioner::Direct => (Kind::Direct(Box::new(Direct::new(rows))), double),
             Preconditioner::Jacobi => (diagonal(false), single),
             Preconditioner::None => (diagonal(true), single),
         };
@@ -62,7 +81,10 @@ impl<const L: usize> Inverse<L> {
     pub(super) fn refresh(&mut self, rows: &Rows) {
         match &mut self.kind {
             Kind::Aggregation(hierarchy) => hierarchy.refresh(rows),
-            Kind::IncompleteCholesky(factors) => factors.refresh(rows),
+            Kind::IncompleteCholesky(factors) if !rows.changed().is_empty() => {
+                factors.factorise(rows.diagonal(), |entry| -rows.weight(entry), rows.fixed());
+            }
+            Kind::IncompleteCholesky(_) => {}
             Kind::Direct(direct) => direct.refresh(rows),
             Kind::Diagonal { identity, factors } => {
                 for row in rows.changed().iter().map(|&row| row as usize) {
@@ -86,7 +108,9 @@ impl<const L: usize> Inverse<L> {
     ) -> [f64; L] {
         match (&self.kind, &mut self.preconditioned[group]) {
             (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => hierarchy.apply(kx, work, workers),
-            (Kind::IncompleteCholesky(factors), Preconditioned::Single(z)) => factors.apply(kx, z),
+            (Kind::IncompleteCholesky(factors), Preconditioned::Double(z)) => {
+                substitute(factors, rows.fixed(), kx, z)
+            }
             (Kind::Direct(direct), Preconditioned::Double(z)) => direct.apply(rows, kx, z),
             (Kind::Diagonal { factors, .. }, Preconditioned::Single(z)) => scale(factors, kx, z),
             // No other pair is ever made.
@@ -95,17 +119,47 @@ impl<const L: usize> Inverse<L> {
     }
 
     /// z of one group where it is not exact.
-    pub(super) fn approximate_mut(&mut self, group: usize) -> Option<&mut [[f32; L]]> {
-        match &mut self.preconditioned[group] {
-            Preconditioned::Single(z) => Some(z),
-            Preconditioned::Work(work) => work.solution_mut(),
-            Preconditioned::Double(_) => None,
+    pub(super) fn approximate_mut(&mut self, group: usize) -> Option<Approximate<'_, L>> {
+        match (&self.kind, &mut self.preconditioned[group]) {
+            (Kind::Direct(_), _) => None,
+            (_, Preconditioned::Single(z)) => Some(Approximate::Single(z)),
+            (_, Preconditioned::Double(z)) => Some(Approximate::Double(z)),
+            (_, Preconditioned::Work(work)) => work.solution_mut().map(Approximate::Single),
         }
     }
 
     pub(super) fn preconditioned(&self, group: usize) -> &Preconditioned<L> {
         &self.preconditioned[group]
     }
+}
+
+/// The pattern of the incomplete factors: in each row the columns before it, and where their weights are.
+fn incomplete_cholesky(rows: &Rows) -> IncompleteCholesky {
+    IncompleteCholesky::of_triangle((0..rows.len()).map(|row| {
+        let entries = rows.row(row).0.iter().copied().zip(rows.entries(row).start as u32..);
+        let mut before: Vec<_> = entries.filter(|&(column, _)| (column as usize) < row).collect();
+        before.sort_unstable();
+        before
+    }))
+}
+
+/// z = (L D Lᵀ)⁻¹ (-kx), zero on fixed rows, and the columns' zᵀ(-kx).
+fn substitute<const L: usize>(
+    factors: &IncompleteCholesky,
+    fixed: &[bool],
+    kx: &[[f64; L]],
+    z: &mut [[f64; L]],
+) -> [f64; L] {
+    // Rows of objects, which are fixed, come after those of the nodes.
+    factors.solve(&kx[..z.len()], z);
+    let mut products = [0.0; L];
+    for ((z, kx), &fixed) in z.iter_mut().zip(kx).zip(fixed) {
+        *z = if fixed { [0.0; L] } else { z.map(|z| -z) };
+        for lane in 0..L {
+            products[lane] -= kx[lane] * z[lane];
+        }
+    }
+    products
 }
 
 /// z = -factor kx, and the columns' zᵀ(-kx).

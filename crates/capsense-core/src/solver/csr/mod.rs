@@ -10,7 +10,6 @@
 mod aggregation;
 mod columns;
 mod direct;
-mod incomplete_cholesky;
 mod inverse;
 mod ordering;
 mod rows;
@@ -24,7 +23,7 @@ use super::operator::{Operator, State};
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use columns::{Columns, Sums, add};
-use inverse::{Inverse, Preconditioned};
+use inverse::{Approximate, Inverse, Preconditioned};
 use rows::Rows;
 use workers::Workers;
 
@@ -316,20 +315,13 @@ fn add_islands<const L: usize>(
     islands: &Islands,
     rows: &Rows,
     kx: &[[f64; L]],
-    z: &mut [[f32; L]],
+    mut z: Approximate<'_, L>,
     products: &mut [f64; L],
 ) {
     let row = |node: u32| rows.row_of(node as usize);
     for (lane, product) in products.iter_mut().enumerate() {
-        *product += islands.correct(
-            |node| -kx[row(node)][lane],
-            |node, shift| {
-                let z = &mut z[row(node)][lane];
-                let before = f64::from(*z);
-                *z = (before + shift) as f32;
-                f64::from(*z) - before
-            },
-        );
+        *product +=
+            islands.correct(|node| -kx[row(node)][lane], |node, shift| z.raise(row(node), lane, shift));
     }
 }
 

@@ -1,0 +1,111 @@
+//! The tolerance against the oracle, a sparse factorisation: over the run of the built-in scene and over scenes thrown
+//! by dice.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::Aabb;
+use capsense_core::glam::DVec3;
+use capsense_core::material::{Connection, Material};
+use capsense_core::occupancy::DepthLayers;
+use capsense_core::sensor::Sensor;
+use capsense_core::simulator::Simulator;
+use common::{
+    Dice, bar, both, conductor, depth_of_boxes, dielectric, oracle, relative_error, stripes_sensor, to,
+    without_lattice,
+};
+
+const TOLERANCES: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
+
+/// True errors in units of the tolerance, for each of [`TOLERANCES`].
+#[derive(Default)]
+struct Errors([Vec<f64>; 5]);
+
+impl Errors {
+    /// Runs frames with all tolerances and with the oracle.
+    fn of_run(&mut self, sensor: &Sensor, materials: &[Material], frames: &[DepthLayers]) {
+        let mut truth = oracle(sensor, materials);
+        let mut tested = TOLERANCES
+            .map(|tolerance| Simulator::new(sensor.clone(), materials.to_vec(), to(tolerance)).unwrap());
+        for depth in frames {
+            let _ = truth.step(depth).unwrap();
+            for ((simulator, errors), tolerance) in tested.iter_mut().zip(&mut self.0).zip(TOLERANCES) {
+                let report = simulator.step(depth).unwrap();
+                assert!(report.solve.relative_error <= tolerance);
+                errors.push(relative_error(simulator.capacitance(), truth.capacitance()) / tolerance);
+            }
+        }
+    }
+
+    /// At most one frame in a hundred above the tolerance, none above three times it.
+    fn assert_tolerances_hold(&self) {
+        for (errors, tolerance) in self.0.iter().zip(TOLERANCES) {
+            let above = errors.iter().filter(|error| !(**error <= 1.0)).count();
+            let worst = errors.iter().copied().fold(0.0, f64::max);
+            assert!(
+                100 * above <= errors.len() && worst <= 3.0,
+                "{tolerance:e}: {above} of {} frames above it, worst {worst} times",
+                errors.len()
+            );
+        }
+    }
+}
+
+/// The bar's way in the built-in scene, in every second of its frames.
+#[test]
+fn the_tolerance_holds_over_the_run_of_the_steel_bar() {
+    let frames: Vec<_> = (0..276)
+        .step_by(2)
+        .map(|frame| depth_of_boxes([64, 64], &[bar(0.05, 0.00116 * f64::from(frame) - 0.16)]))
+        .collect();
+    for sensor in both(stripes_sensor(8_000)) {
+        let mut errors = Errors::default();
+        errors.of_run(&sensor, &[conductor(Connection::Grounded)], &frames);
+        errors.assert_tolerances_hold();
+    }
+}
+
+fn material(dice: &mut Dice) -> Material {
+    match dice.below(4) {
+        0 => conductor(Connection::Grounded),
+        1 => conductor(Connection::Floating),
+        2 => conductor(Connection::Capacitance(10_f64.powf(dice.between(-14.0, -10.0)))),
+        _ => dielectric(10_f64.powf(dice.between(-6.0, 6.0))),
+    }
+}
+
+/// A box above the electrodes, at least a cell thick.
+fn solid(dice: &mut Dice) -> Aabb {
+    let size = DVec3::new(dice.between(0.03, 0.2), dice.between(0.03, 0.2), dice.between(0.01, 0.1));
+    let low = DVec3::new(dice.between(-0.25, 0.1), dice.between(-0.25, 0.1), dice.between(0.01, 0.25));
+    Aabb { min: low, max: low + size }
+}
+
+/// Boxes that drift; one in eight jumps.
+fn frames(dice: &mut Dice, objects: usize, count: usize) -> Vec<DepthLayers> {
+    let mut boxes: Vec<Aabb> = (0..objects).map(|_| solid(dice)).collect();
+    let mut drawn = Vec::new();
+    for _ in 0..count {
+        drawn.push(depth_of_boxes([48, 48], &boxes));
+        for of_object in &mut boxes {
+            let step = DVec3::new(dice.between(-4e-3, 4e-3), dice.between(-4e-3, 4e-3), 0.0);
+            *of_object = Aabb { min: of_object.min + step, max: of_object.max + step };
+            if dice.below(8) == 0 {
+                *of_object = solid(dice);
+            }
+        }
+    }
+    drawn
+}
+
+#[test]
+fn the_tolerance_holds_in_scenes_thrown_by_dice() {
+    let sensor = without_lattice(&stripes_sensor(6_000));
+    let (mut errors, mut dice) = (Errors::default(), Dice(5));
+    for _ in 0..40 {
+        let materials: Vec<Material> = (0..1 + dice.below(4)).map(|_| material(&mut dice)).collect();
+        errors.of_run(&sensor, &materials, &frames(&mut dice, materials.len(), 8));
+    }
+    errors.assert_tolerances_hold();
+}

@@ -1,0 +1,303 @@
+//! Where the simulator must not break: what happens at the ends of the ranges agrees with the oracle and with physics.
+
+#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::Aabb;
+use capsense_core::glam::DVec3;
+use capsense_core::material::{Connection, Material};
+use capsense_core::mesh::{Lattice, MeshQuality, TetMesh};
+use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError};
+use capsense_core::simulator::{Simulator, SimulatorError, StepReport};
+use common::{
+    DOMAIN, bar, both, conductor, depth_of_boxes, dielectric, oracle, rectangle, relative_error,
+    stripes_sensor, three_stripes, to, with_slivers, without_lattice,
+};
+
+const GROUNDED: Material = Material::Conductor(Connection::Grounded);
+const FLOATING: Material = Material::Conductor(Connection::Floating);
+
+/// Of the simulators that are compared with the oracle.
+const TOLERANCE: f64 = 1e-7;
+
+/// Out of everything.
+fn nowhere() -> Aabb {
+    bar(3.0, 3.0)
+}
+
+fn seen(boxes: &[Aabb]) -> DepthLayers {
+    depth_of_boxes([48, 48], boxes)
+}
+
+/// One object everywhere.
+fn everywhere() -> DepthLayers {
+    let mut depth = DepthLayers::empty(OrthographicView { domain: DOMAIN, width: 8, height: 8 }, 1);
+    let (front, back) = depth.layer_mut(0);
+    front.fill(-1.0);
+    back.fill(1.0);
+    depth
+}
+
+/// Runs frames beside the oracle; returns the simulator after them and what the last took.
+fn run(sensor: &Sensor, materials: &[Material], frames: &[DepthLayers]) -> (Simulator, StepReport) {
+    let mut simulator = Simulator::new(sensor.clone(), materials.to_vec(), to(TOLERANCE)).unwrap();
+    let mut truth = oracle(sensor, materials);
+    let mut last = None;
+    for depth in frames {
+        last = Some(simulator.step(depth).unwrap());
+        let _ = truth.step(depth).unwrap();
+        let error = relative_error(simulator.capacitance(), truth.capacitance());
+        assert!(error <= TOLERANCE, "{materials:?}: {error:e}");
+        assert_is_physical(&simulator, materials);
+    }
+    (simulator, last.unwrap())
+}
+
+/// Symmetry, signs, and charges that sum to zero, up to the square root of the energy's error: charges are linear in the
+/// field's.
+fn assert_is_physical(simulator: &Simulator, materials: &[Material]) {
+    let (c, to_ground) = (simulator.capacitance(), simulator.capacitance_to_ground());
+    for i in 0..c.size() {
+        assert!(c.get(i, i) > 0.0, "{c:?}");
+        let slack = 10.0 * TOLERANCE.sqrt() * c.get(i, i);
+        for j in (0..c.size()).filter(|&j| j != i) {
+            assert!(c.get(i, j) == c.get(j, i) && c.get(i, j) <= slack, "{c:?}");
+        }
+        let sum = c.rows().nth(i).unwrap().iter().sum::<f64>() + to_ground[i];
+        // What ties an object to ground is not part of the charges on ground.
+        let tied = |m: &Material| matches!(m, Material::Conductor(Connection::Capacitance(_)));
+        assert!(
+            sum.abs() < slack || materials.iter().any(tied),
+            "row {i} sums to {sum:e}: {c:?} {to_ground:?}"
+        );
+    }
+}
+
+#[test]
+fn permittivities_may_differ_by_twelve_orders() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let base = Simulator::new(sensor.clone(), vec![], to(TOLERANCE)).unwrap().base().get(1, 1);
+        let mut before = 0.0;
+        for permittivity in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
+            let block = Aabb { max: DVec3::new(0.1, 0.1, 0.12), min: DVec3::new(-0.1, -0.1, 0.02) };
+            let (simulator, _) = run(&sensor, &[dielectric(permittivity)], &[seen(&[block])]);
+            let c = simulator.capacitance().get(1, 1);
+            assert!(c > before, "{permittivity}: {c} after {before}");
+            assert_eq!(c > base * (1.0 + TOLERANCE), permittivity > 1.0, "{permittivity}");
+            before = c;
+        }
+        let halves = [bar(0.02, -0.1), bar(0.02, 0.1)];
+        let _ = run(&sensor, &[dielectric(1e-6), dielectric(1e6)], &[seen(&halves)]);
+    }
+}
+
+#[test]
+fn slivers_are_only_bad_elements() {
+    let sensor = with_slivers(&stripes_sensor(4_000));
+    let quality = MeshQuality::of(sensor.mesh());
+    assert!(quality.min_dihedral_degrees < 0.1 && quality.max_dihedral_degrees > 179.0, "{quality:?}");
+    for material in [GROUNDED, FLOATING, dielectric(4.0), dielectric(1e6)] {
+        let (_, report) = run(&sensor, &[material], &[seen(&[bar(0.03, 0.0)]), seen(&[bar(0.03, 0.01)])]);
+        assert!(report.solve.iterations < 150, "{material:?}: {report:?}");
+    }
+}
+
+/// 2 mm high and 100 mm wide near the electrodes.
+#[test]
+fn cells_may_be_stretched_fifty_to_one() {
+    let wide = vec![-0.25, -0.15, -0.05, 0.05, 0.15, 0.25];
+    let across = vec![-0.25, -0.14, -0.04, -0.02, -0.01, 0.01, 0.02, 0.04, 0.14, 0.25];
+    let up: Vec<f64> = (-5..25).map(|k| 0.002 * f64::from(k)).chain([0.06, 0.1, 0.2, 0.3, 0.45]).collect();
+    let axes = [wide, across, [-0.05].into_iter().chain(up).collect()];
+    let lattice = Sensor::on_lattice(&three_stripes(), &Lattice::new(axes).unwrap()).unwrap();
+    let quality = MeshQuality::of(lattice.mesh());
+    assert!(quality.shortest_edge < 0.0021 && quality.longest_edge > 0.1, "{quality:?}");
+    for sensor in both(lattice) {
+        for material in [GROUNDED, FLOATING, dielectric(80.0)] {
+            let (_, report) =
+                run(&sensor, &[material], &[seen(&[bar(0.011, 0.0)]), seen(&[bar(0.02, 0.01)])]);
+            assert!(report.solve.iterations < 150, "{material:?}: {report:?}");
+        }
+    }
+}
+
+/// One that touches has no node below its face, one that covers holds all around the electrodes.
+#[test]
+fn objects_may_touch_and_cover_electrodes() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let covered = |material, height: f64, shift: f64| {
+            let (simulator, _) = run(&sensor, &[material], &[seen(&[bar(height, shift)])]);
+            let base = simulator.base();
+            let ratios = [0, 1, 2].map(|k| simulator.capacitance().get(k, k) / base.get(k, k));
+            (ratios, simulator.contacts().len())
+        };
+        let (ratios, contacts) = covered(dielectric(3.0), -0.005, 0.0);
+        assert!(contacts == 0 && ratios.iter().all(|ratio| (1.2..3.0).contains(ratio)), "{ratios:?}");
+        let (ratios, contacts) = covered(GROUNDED, 0.0, 0.0);
+        assert!(contacts == 3 && ratios.iter().all(|&ratio| ratio > 2.0), "touching: {ratios:?}");
+        let (ratios, contacts) = covered(GROUNDED, -0.005, 0.0);
+        assert!(contacts == 3 && ratios.iter().all(|&ratio| ratio > 2.0), "covering: {ratios:?}");
+        // From y = 0.015 on: the third stripe alone.
+        let (ratios, contacts) = covered(GROUNDED, -0.005, 0.09);
+        assert!(contacts == 1 && ratios[2] > 2.0 && ratios[0] < 2.0, "one of three: {ratios:?}");
+    }
+}
+
+#[test]
+fn a_dielectric_everywhere_multiplies_everything() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let (simulator, _) = run(&sensor, &[dielectric(80.0)], &[everywhere()]);
+        let (c, base) = (simulator.capacitance(), simulator.base());
+        for (c, base) in c.rows().flatten().zip(base.rows().flatten()) {
+            assert!((c / base / 80.0 - 1.0).abs() < 1e-5, "{c} {base}");
+        }
+    }
+}
+
+#[test]
+fn a_conductor_everywhere_leaves_no_free_node() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let (simulator, report) = run(&sensor, &[GROUNDED], &[everywhere(), everywhere()]);
+        assert_eq!((report.solve.iterations, simulator.contacts().len()), (0, 3));
+        let c = simulator.capacitance();
+        assert!(c.get(0, 2).abs() < 1e-9 * c.get(0, 0), "everything between them is grounded: {c:?}");
+    }
+    let sensor = without_lattice(&stripes_sensor(6_000));
+    let (simulator, _) = run(&sensor, &[FLOATING], &[everywhere()]);
+    assert!(simulator.capacitance().get(0, 2) < 0.0, "a floating one couples all");
+}
+
+#[test]
+fn nothing_occupied_is_the_empty_scene() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let (simulator, report) =
+            run(&sensor, &[GROUNDED, dielectric(80.0)], &[seen(&[nowhere(), nowhere()])]);
+        assert_eq!((report.changed_edges, simulator.contacts().len()), (0, 0));
+        assert!(relative_error(simulator.capacitance(), simulator.base()) <= TOLERANCE);
+    }
+}
+
+/// The last of some frames is as if the others had not been.
+fn assert_leaves_no_trace(material: Material, boxes: &[Aabb]) {
+    for sensor in both(stripes_sensor(6_000)) {
+        let frames: Vec<_> = boxes.iter().map(|&solid| seen(&[solid])).collect();
+        let (moved, _) = run(&sensor, &[material], &frames);
+        let (fresh, _) = run(&sensor, &[material], &frames[frames.len() - 1..]);
+        let error = relative_error(moved.capacitance(), fresh.capacitance());
+        assert!(error <= 2.0 * TOLERANCE, "{material:?}: {error:e}");
+        assert_eq!(moved.matrix().to_csr(), fresh.matrix().to_csr());
+    }
+}
+
+#[test]
+fn objects_may_appear_vanish_and_jump() {
+    for material in [GROUNDED, FLOATING, conductor(Connection::Capacitance(1e-12)), dielectric(1e5)] {
+        assert_leaves_no_trace(material, &[nowhere(), bar(0.02, 0.0), nowhere(), bar(0.02, 0.0)]);
+        assert_leaves_no_trace(material, &[bar(0.02, 0.0), nowhere()]);
+        assert_leaves_no_trace(material, &[bar(0.01, -0.1), bar(0.3, 0.1), bar(0.01, 0.1)]);
+    }
+}
+
+fn pads(columns: i32, rows: i32) -> SensorDesign {
+    let pads = (0..columns * rows).map(|pad| {
+        let centre = |index: i32, count: i32| 0.05 * (f64::from(index) - 0.5 * f64::from(count - 1));
+        rectangle(
+            &format!("P{pad}"),
+            [centre(pad % columns, columns), centre(pad / columns, rows)],
+            [0.03; 2],
+        )
+    });
+    SensorDesign { electrodes: pads.collect(), ..three_stripes() }
+}
+
+#[test]
+fn one_or_many_electrodes() {
+    for (columns, rows, tets) in [(1, 1, 4_000), (8, 4, 20_000)] {
+        let design = pads(columns, rows);
+        let sensor = Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap();
+        for sensor in both(sensor) {
+            let (simulator, _) =
+                run(&sensor, &[FLOATING, GROUNDED], &[seen(&[bar(0.03, -0.1), bar(0.05, 0.1)])]);
+            assert_eq!(simulator.capacitance().size(), (columns * rows) as usize);
+        }
+    }
+}
+
+#[test]
+fn eight_objects_may_float() {
+    let boxes: Vec<Aabb> = (0..8)
+        .map(|object| {
+            let at =
+                DVec3::new(0.12 * f64::from(object % 3) - 0.16, 0.12 * f64::from(object / 3) - 0.16, 0.03);
+            Aabb { min: at, max: at + DVec3::splat(0.08) }
+        })
+        .collect();
+    let lifted: Vec<Aabb> = boxes.iter().map(|b| Aabb { min: b.min + 0.01, max: b.max + 0.01 }).collect();
+    for sensor in both(stripes_sensor(8_000)) {
+        let _ = run(&sensor, &[FLOATING; 8], &[seen(&boxes), seen(&lifted)]);
+    }
+}
+
+/// The stripes' mesh twice, side by side.
+fn two_parts(grounded: [bool; 2]) -> Result<Sensor, SensorError> {
+    let one = stripes_sensor(4_000);
+    let count = one.mesh().nodes().len() as u32;
+    let shifted = one.mesh().nodes().iter().map(|node| node + DVec3::X);
+    let nodes = one.mesh().nodes().iter().copied().chain(shifted).collect();
+    let tets = one.mesh().tets().iter();
+    let tets = tets.clone().copied().chain(tets.map(|tet| tet.map(|node| node + count))).collect();
+    let held = |terminal: u16, part: u32| -> Vec<u32> {
+        let nodes = (0..).zip(one.terminals()).filter(|(_, held)| **held == terminal);
+        nodes.map(|(node, _): (u32, _)| node + part * count).collect()
+    };
+    let ground: Vec<u32> =
+        [0, 1].into_iter().filter(|&p| grounded[p as usize]).flat_map(|p| held(0, p)).collect();
+    let electrodes = [("here", 0), ("there", u32::from(grounded[1]))];
+    let electrodes = electrodes.map(|(name, part)| {
+        (name.to_owned(), ElectrodeNodes::Nodes(held(if name == "here" { 1 } else { 2 }, part)))
+    });
+    Sensor::on_mesh(TetMesh::new(nodes, tets).unwrap(), &ground, electrodes.to_vec())
+}
+
+#[test]
+fn parts_of_a_mesh_need_a_terminal_each_and_do_not_couple() {
+    let (simulator, _) = run(&two_parts([true, true]).unwrap(), &[FLOATING], &[seen(&[bar(0.03, 0.0)])]);
+    let (c, base) = (simulator.capacitance(), simulator.base());
+    assert!(c.get(0, 1).abs() < 1e-9 * c.get(0, 0), "{c:?}");
+    assert!(c.get(0, 0) > base.get(0, 0) && (c.get(1, 1) / base.get(1, 1) - 1.0).abs() < TOLERANCE);
+    let error = two_parts([true, false]).unwrap_err();
+    let other = stripes_sensor(4_000).mesh().nodes().len() as u32;
+    assert_eq!(error, SensorError::NoGroundReachable { node: other });
+}
+
+#[test]
+fn a_depth_that_is_no_number_is_refused_and_forgotten() {
+    for sensor in both(stripes_sensor(6_000)) {
+        let mut simulator = Simulator::new(sensor.clone(), vec![FLOATING], to(TOLERANCE)).unwrap();
+        let _ = simulator.step(&seen(&[bar(0.05, 0.0)])).unwrap();
+        let before = simulator.capacitance().clone();
+        let mut broken = seen(&[bar(0.02, 0.1)]);
+        broken.layer_mut(0).0[48 * 20 + 7] = f32::NAN;
+        let SimulatorError::Depth(depth) = simulator.step(&broken).unwrap_err() else { panic!("accepted") };
+        assert_eq!((depth.object, depth.column, depth.row, depth.front.is_nan()), (0, 7, 20, true));
+        assert_eq!(simulator.capacitance(), &before);
+        let next = seen(&[bar(0.05, 0.01)]);
+        let _ = simulator.step(&next).unwrap();
+        let (fresh, _) = run(&sensor, &[FLOATING], &[next]);
+        assert!(relative_error(simulator.capacitance(), fresh.capacitance()) <= 2.0 * TOLERANCE);
+    }
+}
+
+#[test]
+fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
+    for sensor in both(stripes_sensor(20_000)) {
+        let iterations = [GROUNDED, dielectric(80.0)].map(|material| {
+            let mut simulator = Simulator::new(sensor.clone(), vec![material], to(1e-4)).unwrap();
+            let steps = (0..60).map(|frame| bar(0.03, 0.003 * f64::from(frame) - 0.1));
+            steps.map(|solid| simulator.step(&seen(&[solid])).unwrap().solve.iterations).sum::<usize>()
+        });
+        assert!(iterations[1] <= 2 * iterations[0], "{iterations:?}");
+    }
+}
