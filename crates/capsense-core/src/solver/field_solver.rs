@@ -5,6 +5,7 @@ use super::energy_error::ErrorRule;
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
+use super::workers::Workers;
 use super::{Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
@@ -14,6 +15,7 @@ use crate::stiffness::StiffnessMatrix;
 #[derive(Clone, Debug)]
 pub(crate) struct FieldSolver {
     vectors: Vectors,
+    workers: Workers,
     iteration: ConjugateGradients,
     /// Whether the residual is not that of the fields, and must be computed everywhere.
     residual_is_lost: bool,
@@ -39,13 +41,23 @@ impl FieldSolver {
             _ => ErrorRule::Spectrum { condition: None, solves: 0 },
         };
         let objects = fixed.len() - matrix.nodes();
-        let vectors = match matrix.network().edges() {
-            Edges::Lattice(lattice) if matrix.is_lattice() => {
-                Vectors::Lattice(Box::new(LatticeSolver::new(lattice, columns, objects, fixed)))
-            }
-            _ => Vectors::Csr(CsrSolver::new(matrix, fixed.len(), columns, options.preconditioner, 1)),
-        };
-        Self { vectors, iteration: ConjugateGradients::new(columns, rule), residual_is_lost: true }
+        let threads =
+            options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let workers = Workers::new(threads, matrix.nodes());
+        let vectors =
+            match matrix.network().edges() {
+                Edges::Lattice(lattice) if matrix.is_lattice() => Vectors::Lattice(Box::new(
+                    LatticeSolver::new(lattice, columns, objects, fixed, workers.clone()),
+                )),
+                _ => Vectors::Csr(CsrSolver::new(
+                    matrix,
+                    fixed.len(),
+                    columns,
+                    options.preconditioner,
+                    workers.clone(),
+                )),
+            };
+        Self { vectors, workers, iteration: ConjugateGradients::new(columns, rule), residual_is_lost: true }
     }
 
     /// The potential of a row in one column.
@@ -89,10 +101,11 @@ impl FieldSolver {
     /// Improves the fields until the tolerance is reached.
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
         let lost = std::mem::take(&mut self.residual_is_lost);
-        match &mut self.vectors {
-            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, &mut self.iteration, options),
-            Vectors::Csr(fields) => improve(fields, lost, &mut self.iteration, options),
-        }
+        let Self { vectors, workers, iteration, .. } = self;
+        workers.among(|| match vectors {
+            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, options),
+            Vectors::Csr(fields) => improve(fields, lost, iteration, options),
+        })
     }
 
     /// XᵀKX of the fields as last solved: row by row, all pairs of columns.

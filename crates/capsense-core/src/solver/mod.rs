@@ -9,6 +9,7 @@ mod lattice;
 mod operator;
 mod pcg;
 mod preconditioner;
+mod workers;
 
 pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
@@ -24,11 +25,19 @@ pub struct SolverOptions {
     pub preconditioner: Preconditioner,
     /// Iterations after which the solver gives up.
     pub max_iterations: usize,
+    /// Threads that share the work on large meshes; as many as the machine can run at once where none is given. Results
+    /// do not depend on it.
+    pub threads: Option<usize>,
 }
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-4, preconditioner: Preconditioner::default(), max_iterations: 20_000 }
+        Self {
+            tolerance: 1e-4,
+            preconditioner: Preconditioner::default(),
+            max_iterations: 20_000,
+            threads: None,
+        }
     }
 }
 

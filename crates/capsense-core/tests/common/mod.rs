@@ -18,6 +18,7 @@ pub const EXACT: SolverOptions = SolverOptions {
     tolerance: 1e-22,
     preconditioner: capsense_core::solver::Preconditioner::Multigrid,
     max_iterations: 20_000,
+    threads: None,
 };
 
 pub fn rectangle(name: &str, center: [f64; 2], size: [f64; 2]) -> Electrode {

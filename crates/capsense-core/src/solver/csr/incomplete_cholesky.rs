@@ -1,7 +1,7 @@
 //! Incomplete Cholesky factors without fill: K ≈ L D Lᵀ with L on the pattern of K.
 
 use super::rows::Rows;
-use super::workers::vectorised;
+use crate::solver::workers::vectorised;
 
 /// A pivot below this part of the diagonal would blow the factors up; the diagonal takes its place.
 const SMALLEST_PIVOT: f64 = 1e-3;
