@@ -8,11 +8,11 @@ use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
-use capsense_core::sensor::Sensor;
+use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use capsense_core::stiffness::EdgeNetwork;
-use common::{DOMAIN, EXACT, bar, depth_of_boxes, stripes_sensor, without_lattice};
+use common::{DOMAIN, EXACT, bar, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
 
 fn materials() -> Vec<Material> {
     let weak = Material::Dielectric(RelativePermittivity::new(4.0).unwrap());
@@ -129,6 +129,30 @@ fn results_are_the_same_bits_on_every_run() {
         simulator.capacitance().clone()
     };
     assert_eq!(run(), run());
+}
+
+/// On a lattice that is large enough for five threads to share.
+#[test]
+fn results_are_the_same_bits_on_any_number_of_threads() {
+    let lattice = Lattice::uniform(DOMAIN, [25, 25, 40]).unwrap();
+    for electrodes in [1, 3, 5] {
+        let stripe = |k: i32| rectangle(&format!("E{k}"), [0.0, 0.04 * f64::from(k) - 0.09], [0.1, 0.02]);
+        let electrodes = (0..electrodes).map(stripe).collect();
+        let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
+        let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
+        let mut simulators = [1, 2, 3, 5].map(|threads| {
+            let options = SolverOptions { threads: Some(threads), ..SolverOptions::default() };
+            Simulator::new(sensor.clone(), materials(), options).unwrap()
+        });
+        for frame in 0..20 {
+            let depth = depth_of_boxes([80, 80], &boxes(frame));
+            let results = simulators.each_mut().map(|simulator| {
+                let report = simulator.step(&depth).unwrap();
+                (report.solve, simulator.capacitance().clone())
+            });
+            assert!(results.iter().all(|result| *result == results[0]), "frame {frame}");
+        }
+    }
 }
 
 /// The direct assembly of a graded, layered lattice equals the sum over its tetrahedra.

@@ -6,6 +6,7 @@ use super::energy_error::ErrorRule;
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
+use super::workers::Workers;
 use super::{Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
@@ -15,6 +16,7 @@ use crate::stiffness::StiffnessMatrix;
 #[derive(Clone, Debug)]
 pub(crate) struct FieldSolver {
     vectors: Vectors,
+    workers: Workers,
     iteration: ConjugateGradients,
     /// Whether the residual is not that of the fields, and must be computed everywhere.
     residual_is_lost: bool,
@@ -45,14 +47,22 @@ impl FieldSolver {
             _ => ErrorRule::Spectrum { condition: None, solves: 0 },
         };
         let objects = fixed.len() - matrix.nodes();
+        let threads =
+            options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let workers = Workers::new(threads, matrix.nodes());
         let vectors = match matrix.network().edges() {
             Edges::Lattice(lattice) if matrix.is_lattice() => {
-                Vectors::Lattice(Box::new(LatticeSolver::new(lattice, columns, objects, fixed)))
+                let fields = LatticeSolver::new(lattice, columns, objects, fixed, workers.clone());
+                Vectors::Lattice(Box::new(fields))
             }
-            _ => Vectors::Csr(CsrSolver::new(matrix, fixed.len(), columns, options.preconditioner, 1)),
+            _ => {
+                let rows = fixed.len();
+                Vectors::Csr(CsrSolver::new(matrix, rows, columns, options.preconditioner, workers.clone()))
+            }
         };
         Self {
             vectors,
+            workers,
             iteration: ConjugateGradients::new(columns, rule),
             residual_is_lost: true,
             columns,
@@ -112,11 +122,11 @@ impl FieldSolver {
         }
         self.bracket.is_lost = true;
         let lost = std::mem::take(&mut self.residual_is_lost);
-        let (iteration, base) = (&mut self.iteration, &self.base);
-        let report = match &mut self.vectors {
+        let Self { vectors, workers, iteration, base, .. } = self;
+        let report = workers.among(|| match vectors {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, base, options),
             Vectors::Csr(fields) => improve(fields, lost, iteration, base, options),
-        }?;
+        })?;
         let energies = match &self.vectors {
             Vectors::Lattice(fields) => &fields.state().energies,
             Vectors::Csr(fields) => &fields.state().energies,

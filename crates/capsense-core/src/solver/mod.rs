@@ -10,6 +10,7 @@ mod lattice;
 mod operator;
 mod pcg;
 mod preconditioner;
+mod workers;
 
 pub(crate) use bracket::EdgeFields;
 pub(crate) use field_solver::FieldSolver;
@@ -35,6 +36,9 @@ pub struct SolverOptions {
     pub preconditioner: Preconditioner,
     /// Iterations after which the solver gives up.
     pub max_iterations: usize,
+    /// Threads that share the work on large meshes; as many as the machine can run at once where none is given. Results
+    /// do not depend on it.
+    pub threads: Option<usize>,
 }
 
 impl Default for SolverOptions {
@@ -44,6 +48,7 @@ impl Default for SolverOptions {
             change_tolerance: None,
             preconditioner: Preconditioner::default(),
             max_iterations: 20_000,
+            threads: None,
         }
     }
 }

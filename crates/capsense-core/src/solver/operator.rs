@@ -47,4 +47,11 @@ impl State {
             sums.fill(0.0);
         }
     }
+    /// Adds another's sums.
+    pub(super) fn add(&mut self, other: &Self) {
+        let Self { energies, along, residual, charge } = self;
+        let pairs = energies.iter_mut().zip(&other.energies).chain(along.iter_mut().zip(&other.along));
+        let squares = residual.iter_mut().zip(&other.residual).chain(charge.iter_mut().zip(&other.charge));
+        pairs.chain(squares).for_each(|(sum, part)| *sum += part);
+    }
 }

@@ -22,6 +22,7 @@ pub const EXACT: SolverOptions = SolverOptions {
     change_tolerance: None,
     preconditioner: Preconditioner::Multigrid,
     max_iterations: 20_000,
+    threads: None,
 };
 
 pub fn rectangle(name: &str, center: [f64; 2], size: [f64; 2]) -> Electrode {

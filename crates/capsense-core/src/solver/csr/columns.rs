@@ -1,7 +1,7 @@
 //! Fields of a few terminals side by side, and what an iteration does to them.
 
 use super::rows::Rows;
-use super::workers::{TASK_ROWS, Workers, vectorised};
+use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 use std::ops::Range;
 
 /// Rows whose products are summed up while they still are in the first cache.

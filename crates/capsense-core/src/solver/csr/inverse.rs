@@ -4,7 +4,7 @@ use super::super::{IncompleteCholesky, Preconditioner};
 use super::aggregation::{Hierarchy, Work};
 use super::direct::Direct;
 use super::rows::Rows;
-use super::workers::Workers;
+use crate::solver::workers::Workers;
 
 /// An approximate inverse with its numbers, and what it made of the residuals of each group of columns.
 #[derive(Clone, Debug)]

@@ -15,17 +15,16 @@ mod ordering;
 mod rows;
 #[cfg(test)]
 mod tests;
-mod workers;
 
 use super::Preconditioner;
 use super::islands::Islands;
 use super::operator::{Operator, State};
+use super::workers::Workers;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use columns::{Columns, Sums, add};
 use inverse::{Approximate, Inverse, Preconditioned};
 use rows::Rows;
-use workers::Workers;
 
 /// Above this part of the rows, recomputing all of K x costs less than finding the rows that changed.
 const MANY: usize = 4;
@@ -95,12 +94,12 @@ impl CsrSolver {
         rows: usize,
         columns: usize,
         preconditioner: Preconditioner,
-        threads: usize,
+        workers: Workers,
     ) -> Self {
         if columns <= 4 {
-            Self::Four(Box::new(Solver::new(matrix, rows, columns, preconditioner, threads)))
+            Self::Four(Box::new(Solver::new(matrix, rows, columns, preconditioner, workers)))
         } else {
-            Self::Eight(Box::new(Solver::new(matrix, rows, columns, preconditioner, threads)))
+            Self::Eight(Box::new(Solver::new(matrix, rows, columns, preconditioner, workers)))
         }
     }
 
@@ -170,7 +169,7 @@ impl<const L: usize> Solver<L> {
         rows: usize,
         columns: usize,
         preconditioner: Preconditioner,
-        threads: usize,
+        workers: Workers,
     ) -> Self {
         let nodes = matrix.nodes();
         let groups = columns.div_ceil(L);
@@ -182,7 +181,7 @@ impl<const L: usize> Solver<L> {
             inverse: Inverse::new(preconditioner, &rows, groups),
             rows,
             islands: Islands::default(),
-            workers: Workers::new(threads, nodes),
+            workers,
             state: State {
                 energies: vec![0.0; columns * columns],
                 along: vec![0.0; columns],

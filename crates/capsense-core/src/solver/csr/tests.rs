@@ -64,7 +64,8 @@ impl Scene {
     }
 
     fn solver(&self, columns: usize, preconditioner: Preconditioner, threads: usize) -> CsrSolver {
-        let mut solver = CsrSolver::new(&self.matrix, self.holders.len(), columns, preconditioner, threads);
+        let workers = Workers::new(threads, self.matrix.nodes());
+        let mut solver = CsrSolver::new(&self.matrix, self.holders.len(), columns, preconditioner, workers);
         for (row, &holder) in self.holders.iter().enumerate() {
             for column in 0..columns {
                 // Columns after those of the electrodes and the plate repeat them.

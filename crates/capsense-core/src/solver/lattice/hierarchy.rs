@@ -10,8 +10,9 @@ use super::level::Level;
 use super::network::{Changed, Network};
 use super::transfer::Transfer;
 use crate::mesh::Lattice;
+use crate::solver::workers::Workers;
 use crate::stiffness::StiffnessMatrix;
-use pulp::Simd;
+use pulp::Arch;
 
 /// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.
 const SLACK: f64 = 1.05;
@@ -44,11 +45,11 @@ pub(super) struct Hierarchy {
 
 impl Hierarchy {
     /// Plans the levels; weights come with [`Hierarchy::refresh`].
-    pub(super) fn new(lattice: &Lattice, layout: Layout, columns: usize) -> Self {
+    pub(super) fn new(lattice: &Lattice, layout: Layout, columns: usize, threads: usize) -> Self {
         let mut planes = lattice.axes().clone();
         let few = layout.counts.into_iter().product::<usize>() < FEW_NODES;
         let reduction = if few { REDUCTION_OF_FEW } else { REDUCTION };
-        let mut levels = vec![Level::new(layout, columns)];
+        let mut levels = vec![Level::new(layout, columns, threads)];
         let mut transfers = Vec::new();
         let spacings = planes.iter().flat_map(|axis| axis.windows(2)).map(|pair| pair[1] - pair[0]);
         let mut length = spacings.fold(f64::INFINITY, f64::min);
@@ -64,8 +65,8 @@ impl Hierarchy {
             if nodes(left) > reduction * nodes([0, 1, 2].map(|axis| planes[axis].len())) && !all_merge {
                 continue;
             }
-            let (transfer, counts) = Transfer::new(levels[levels.len() - 1].layout(), &kept, columns);
-            levels.push(Level::new(Layout::new(counts, layout.margin), columns));
+            let (transfer, counts) = Transfer::new(&levels[levels.len() - 1], &kept, threads);
+            levels.push(Level::new(Layout::new(counts, layout.margin), columns, threads));
             transfers.push(transfer);
             for (planes, kept) in planes.iter_mut().zip(kept) {
                 let mut kept = kept.into_iter();
@@ -109,20 +110,19 @@ impl Hierarchy {
     }
 
     /// One symmetric V-cycle from the right-hand side to the correction of the finest level.
-    #[inline(always)]
-    pub(super) fn cycle<S: Simd>(&mut self, simd: S, active: &[usize]) {
+    pub(super) fn cycle(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
         let Self { levels, transfers, .. } = self;
         for (index, transfer) in transfers.iter_mut().enumerate() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
-            fine[index].smooth_from_zero(simd, active);
-            transfer.restrict(simd, &fine[index], &mut coarse[0], active);
+            fine[index].smooth_from_zero(workers, arch, active);
+            transfer.restrict(workers, arch, &fine[index], &mut coarse[0], active);
         }
         if let Some(coarsest) = levels.last_mut() {
-            coarsest.solve(simd, COARSEST_SWEEPS, active);
+            coarsest.solve(arch, COARSEST_SWEEPS, active);
         }
         for (index, transfer) in transfers.iter_mut().enumerate().rev() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
-            transfer.prolong(simd, &mut fine[index], &coarse[0], active);
+            transfer.prolong(workers, arch, &mut fine[index], &coarse[0], active);
         }
     }
 }

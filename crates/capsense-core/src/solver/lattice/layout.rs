@@ -5,6 +5,9 @@
 //! its colour. In these skewed coordinates each of the six neighbours is at the same distance for all nodes of a colour:
 //! a whole plane is one loop with unit stride, whatever its rows. Rows are packed without gaps; what a row's first or
 //! last node finds beyond its end is a node of another row, with the weight zero between them.
+//!
+//! Vectors have several columns. Each plane holds all of them, one after the other, so that some planes of a vector are
+//! one piece of memory, which a thread can have for itself.
 
 use std::ops::Range;
 
@@ -25,30 +28,41 @@ pub(super) struct Layout {
     pub(super) counts: [usize; 3],
     /// How many rows at either end of y, and planes at either end of z, are fixed whatever happens.
     pub(super) margin: [usize; 2],
-    /// Distance between rows and between planes.
+    /// Number of columns.
+    pub(super) columns: usize,
+    /// Distance between rows, between columns and between planes.
     pub(super) row: usize,
+    column: usize,
     pub(super) plane: usize,
 }
 
 impl Layout {
+    /// That of numbers which are there once for each node.
     pub(super) fn new(counts: [usize; 3], margin: [usize; 2]) -> Self {
         let [nx, ny, _] = counts;
         let row = nx / 2;
-        Self { counts, margin, row, plane: ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK }
+        let plane = ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK;
+        Self { counts, margin, columns: 1, row, column: plane, plane }
     }
 
-    /// Room for one value at every node of one colour, and one plane more at either end.
+    /// That of vectors with so many columns.
+    pub(super) fn with_columns(self, columns: usize) -> Self {
+        Self { columns, plane: columns * self.column, ..self }
+    }
+
+    /// Room for all values of one colour, and one plane more at either end.
     pub(super) fn len(&self) -> usize {
         let nz = self.counts[2];
         (nz + 2) * self.plane + nz / 2 + 4 * BLOCK
     }
 
-    /// Zeros for `columns` values at every node, column after column.
-    pub(super) fn zeros<T: Clone + Default>(&self, columns: usize) -> Coloured<T> {
-        [vec![T::default(); columns * self.len()], vec![T::default(); columns * self.len()]]
+    /// Zeros at every node.
+    pub(super) fn zeros<T: Clone + Default>(&self) -> Coloured<T> {
+        [vec![T::default(); self.len()], vec![T::default(); self.len()]]
     }
 
-    /// Colour and place of a node.
+    /// Colour and place of a node, in the first column.
+    #[inline(always)]
     pub(super) fn place(&self, [i, j, k]: [usize; 3]) -> (usize, usize) {
         let sum = i + j + k;
         (sum % 2, BLOCK + sum / 2 + j * self.row + (k + 1) * self.plane)
@@ -69,7 +83,8 @@ impl Layout {
         self.margin[1]..self.counts[2] - self.margin[1]
     }
 
-    /// The places of a plane's nodes of either colour but for rows fixed throughout; a whole number of blocks.
+    /// The places of a plane's nodes of either colour in the first column, but for rows fixed throughout; a whole number
+    /// of blocks.
     #[inline(always)]
     pub(super) fn plane(&self, k: usize) -> Range<usize> {
         let [nx, ny, _] = self.counts;
@@ -78,6 +93,25 @@ impl Layout {
         let start = plane + (first + k) / 2 + first * self.row;
         let end = plane + (nx - 1 + last + k) / 2 + last * self.row + 1;
         start..start + (end - start).next_multiple_of(BLOCK)
+    }
+
+    /// The same in any column.
+    #[inline(always)]
+    pub(super) fn plane_of(&self, column: usize, k: usize) -> Range<usize> {
+        let Range { start, end } = self.plane(k);
+        self.in_column(column, start)..self.in_column(column, end)
+    }
+
+    /// A place in the first column, in any.
+    #[inline(always)]
+    pub(super) fn in_column(&self, column: usize, at: usize) -> usize {
+        column * self.column + at
+    }
+
+    /// Where memory may be cut between a plane and the one before: all that is computed of a plane and all that is read
+    /// beside it, one plane away, is on the same side.
+    pub(super) fn cut(&self, k: usize) -> usize {
+        BLOCK / 2 + k / 2 + (k + 1) * self.plane
     }
 
     /// Where the neighbours, all of the other colour, of a node at a place are: along x, y and z, the previous and the
@@ -89,6 +123,13 @@ impl Layout {
             RED => [at - 1, at, at - row - 1, at + row, at - plane - 1, at + plane],
             _ => [at, at + 1, at - row, at + row + 1, at - plane, at + plane + 1],
         }
+    }
+
+    /// The neighbours' values of `n` nodes from a place on, given all of the other colour.
+    #[inline(always)]
+    pub(super) fn neighbours<'v, T>(&self, colour: usize, at: usize, n: usize, of: &'v [T]) -> [&'v [T]; 6] {
+        let [a, b, c, d, e, f] = self.around(colour, at);
+        [&of[a..a + n], &of[b..b + n], &of[c..c + n], &of[d..d + n], &of[e..e + n], &of[f..f + n]]
     }
 
     /// How far the places of a plane's nodes of one colour are shifted against those of plane 0 whose i + j is as odd.
@@ -103,16 +144,21 @@ impl Layout {
 mod tests {
     use super::*;
 
+    const COUNTS: [[usize; 3]; 5] = [[5, 4, 3], [6, 7, 5], [3, 3, 3], [9, 2, 4], [8, 9, 12]];
+
     #[test]
     fn every_node_has_a_place_of_its_own_and_neighbours_where_they_should_be() {
-        for counts in [[5, 4, 3], [6, 7, 5], [3, 3, 3], [9, 2, 4]] {
-            let layout = Layout::new(counts, [0, 0]);
+        for (counts, columns) in COUNTS.into_iter().flat_map(|counts| [(counts, 1), (counts, 3)]) {
+            let layout = Layout::new(counts, [0, 0]).with_columns(columns);
             let mut taken = std::collections::BTreeSet::new();
             let nodes = counts.into_iter().product();
             for at in (0..nodes).map(|node| layout.indices(node)) {
                 let (colour, place) = layout.place(at);
-                assert!(taken.insert((colour, place)), "{at:?}");
-                assert!(place < layout.len() && layout.plane(at[2]).contains(&place));
+                for column in 0..columns {
+                    let place = layout.in_column(column, place);
+                    assert!(taken.insert((colour, place)), "{at:?}");
+                    assert!(place < layout.len() && layout.plane_of(column, at[2]).contains(&place));
+                }
                 let around = layout.around(colour, place);
                 for (side, neighbour) in around.into_iter().enumerate() {
                     let mut beside = at;
@@ -127,8 +173,22 @@ mod tests {
                     assert_eq!(layout.place(beside), (1 - colour, neighbour), "{at:?} {side}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn memory_can_be_cut_between_planes() {
+        for (counts, columns) in COUNTS.into_iter().flat_map(|counts| [(counts, 1), (counts, 3)]) {
+            let layout = Layout::new(counts, [0, 0]).with_columns(columns);
             for k in 1..counts[2] {
-                assert!(layout.plane(k - 1).end <= layout.plane(k).start);
+                let plane = layout.plane_of(columns - 1, k - 1);
+                assert!(plane.end <= layout.cut(k) && layout.cut(k) <= layout.plane(k).start);
+                for colour in [RED, BLACK] {
+                    // Of the plane before the cut, those after it are read, and the other way round.
+                    let [.., below, _] = layout.around(colour, layout.plane(k).start);
+                    let [.., above] = layout.around(colour, plane.end - 1);
+                    assert!(below >= layout.cut(k - 1) && above < layout.cut(k + 1), "{counts:?} {k}");
+                }
             }
         }
     }

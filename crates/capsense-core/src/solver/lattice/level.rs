@@ -2,8 +2,10 @@
 
 use super::layout::{BLACK, Coloured, Layout, RED};
 use super::network::{Changed, Network};
+use super::parts::{Part, Parts, cut, cut_both};
 use super::stencil::Stencil;
-use pulp::Simd;
+use crate::solver::workers::Workers;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Coarse networks are somewhat too stiff, because what couples eliminated nodes is divided among their neighbours: with
 /// four or five of them, corrections of smooth errors fall short by a third. Residuals are raised by this factor on their
@@ -11,10 +13,14 @@ use pulp::Simd;
 /// to 3.9 (as estimated, with caution); a larger factor makes other errors worse.
 const OVERCORRECTION: f32 = 1.15;
 
-/// A level's network and vectors, column after column.
+/// A level's network and vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
     pub(super) stencil: Stencil<f32>,
+    /// That of the vectors.
+    pub(super) layout: Layout,
+    /// How threads share the planes.
+    pub(super) parts: Parts,
     /// Right-hand side and correction.
     pub(super) b: Coloured<f32>,
     pub(super) x: Coloured<f32>,
@@ -22,19 +28,30 @@ pub(super) struct Level {
     pub(super) r: Vec<f32>,
 }
 
-impl Level {
-    pub(super) fn new(layout: Layout, columns: usize) -> Self {
-        Self {
-            stencil: Stencil::new(layout),
-            b: layout.zeros(columns),
-            x: layout.zeros(columns),
-            r: vec![0.0; columns * layout.len()],
-        }
-    }
+/// What one thread works on.
+pub(super) struct Slab<'a> {
+    pub(super) part: &'a Part,
+    pub(super) stencil: &'a Stencil<f32>,
+    pub(super) layout: Layout,
+    b: &'a Coloured<f32>,
+    pub(super) x: [&'a mut [f32]; 2],
+    r: &'a mut [f32],
+    pub(super) active: &'a [usize],
+}
 
-    #[inline(always)]
-    pub(super) fn layout(&self) -> &Layout {
-        &self.stencil.layout
+impl Level {
+    /// Zeros; `layout` is that of one column.
+    pub(super) fn new(layout: Layout, columns: usize, threads: usize) -> Self {
+        let stencil = Stencil::new(layout);
+        let layout = layout.with_columns(columns);
+        Self {
+            stencil,
+            layout,
+            parts: Parts::new(&layout, Parts::worthwhile(&layout, threads)),
+            b: layout.zeros(),
+            x: layout.zeros(),
+            r: vec![0.0; layout.len()],
+        }
     }
 
     /// Takes over the network where it changed.
@@ -51,84 +68,121 @@ impl Level {
         });
     }
 
-    /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and
-    /// what black ones add is all that is left over at the red ones.
-    #[inline(always)]
-    pub(super) fn smooth_from_zero<S: Simd>(&mut self, simd: S, active: &[usize]) {
-        let planes = self.layout().planes();
-        for k in planes.start..planes.end + 2 {
-            if k < planes.end {
-                self.scale_red(simd, k, active);
-            }
-            if k > planes.start && k <= planes.end {
-                self.relax(simd, BLACK, k - 1, active);
-            }
-            if k > planes.start + 1 {
-                self.red_residual(simd, k - 2, active);
-            }
-        }
+    /// The work of each thread in one phase.
+    pub(super) fn slabs<'a>(
+        &'a mut self,
+        phase: usize,
+        active: &'a [usize],
+    ) -> impl Iterator<Item = Slab<'a>> {
+        let Self { stencil, layout, parts, b, x, r } = self;
+        let (stencil, layout, b, parts) = (&*stencil, *layout, &*b, parts.phases()[phase]);
+        let vectors = cut_both(parts, x).zip(cut(parts, r));
+        parts.iter().zip(vectors).map(move |(part, (x, r))| Slab { part, stencil, layout, b, x, r, active })
     }
 
-    /// Once the red nodes of plane k are corrected: the black ones of the plane before are relaxed, then the red ones of
-    /// that before it. After the last plane, two more calls finish the sweep.
-    #[inline(always)]
-    pub(super) fn smooth_behind<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
-        let planes = self.layout().planes();
-        if k > planes.start && k <= planes.end {
-            self.relax(simd, BLACK, k - 1, active);
-        }
-        if k > planes.start + 1 {
-            self.relax(simd, RED, k - 2, active);
+    /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and
+    /// what black ones add is all that is left over at the red ones.
+    pub(super) fn smooth_from_zero(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+        for phase in [0, 1] {
+            workers.for_each(self.slabs(phase, active), |slab| arch.dispatch(SmoothFromZero(slab)));
         }
     }
 
     /// Some symmetric sweeps from zero, for a level that has no coarser one.
+    pub(super) fn solve(&mut self, arch: Arch, sweeps: usize, active: &[usize]) {
+        // Such a level is too small for several slabs.
+        self.slabs(0, active).for_each(|slab| arch.dispatch(Solve(slab, sweeps)));
+    }
+}
+
+/// Work that is compiled once for each set of instructions that a processor may have. Not closures, which the compiler
+/// may leave out of the function that has these instructions.
+struct SmoothFromZero<'a>(Slab<'a>);
+struct Solve<'a>(Slab<'a>, usize);
+
+impl WithSimd for SmoothFromZero<'_> {
+    type Output = ();
+
     #[inline(always)]
-    pub(super) fn solve<S: Simd>(&mut self, simd: S, sweeps: usize, active: &[usize]) {
-        let planes = self.layout().planes();
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self(mut slab) = self;
+        for step in slab.part.steps(3) {
+            if let Some(k) = slab.part.plane(0, step) {
+                slab.scale_red(simd, k);
+            }
+            if let Some(k) = slab.part.plane(1, step) {
+                slab.relax(simd, BLACK, k);
+            }
+            if let Some(k) = slab.part.plane(2, step) {
+                slab.red_residual(simd, k);
+            }
+        }
+    }
+}
+
+impl WithSimd for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self(mut slab, sweeps) = self;
+        let planes = slab.layout.planes();
         for k in planes.start..planes.end {
-            self.scale_red(simd, k, active);
+            slab.scale_red(simd, k);
         }
         for sweep in 0..2 * sweeps {
             for k in planes.start..planes.end {
-                self.relax(simd, [BLACK, RED][sweep % 2], k, active);
+                slab.relax(simd, [BLACK, RED][sweep % 2], k);
             }
+        }
+    }
+}
+
+impl Slab<'_> {
+    /// Once red nodes are corrected: black ones are relaxed, then red ones.
+    #[inline(always)]
+    pub(super) fn smooth_behind<S: Simd>(&mut self, simd: S, step: usize) {
+        if let Some(k) = self.part.plane(1, step) {
+            self.relax(simd, BLACK, k);
+        }
+        if let Some(k) = self.part.plane(2, step) {
+            self.relax(simd, RED, k);
         }
     }
 
     /// x = D⁻¹ b at the red nodes of a plane.
     #[inline(always)]
-    fn scale_red<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
-        let (len, places) = (self.layout().len(), self.layout().plane(k));
-        let stencil = self.stencil.piece(RED, places.start..places.end);
-        for column in active {
-            let at = column * len + places.start..column * len + places.end;
-            stencil.scale(simd, &mut self.x[RED][at.start..at.end], &self.b[RED][at]);
+    fn scale_red<S: Simd>(&mut self, simd: S, k: usize) {
+        let stencil = self.stencil.piece(RED, self.stencil.layout.plane(k));
+        for &column in self.active {
+            let places = self.layout.plane_of(column, k);
+            let x = &mut self.x[RED][self.part.within(&places)];
+            stencil.scale(simd, x, &self.b[RED][places]);
         }
     }
 
     /// Solves the equations of one colour in a plane.
     #[inline(always)]
-    fn relax<S: Simd>(&mut self, simd: S, colour: usize, k: usize, active: &[usize]) {
-        let (len, places) = (self.layout().len(), self.layout().plane(k));
+    fn relax<S: Simd>(&mut self, simd: S, colour: usize, k: usize) {
         let [red, black] = &mut self.x;
         let (own, other) = if colour == RED { (red, &*black) } else { (black, &*red) };
-        let stencil = self.stencil.piece(colour, places.start..places.end);
-        for column in active {
-            let at = column * len + places.start..column * len + places.end;
-            let b = &self.b[colour][at.start..at.end];
-            stencil.relax(simd, &mut own[at], b, &other[column * len..(column + 1) * len]);
+        let stencil = self.stencil.piece(colour, self.stencil.layout.plane(k));
+        for &column in self.active {
+            let places = self.layout.plane_of(column, k);
+            let here = self.part.within(&places);
+            let around = self.layout.neighbours(colour, here.start, here.len(), other);
+            stencil.relax(simd, &mut own[here], &self.b[colour][places], around);
         }
     }
 
     /// r = Σ w x, raised for the coarser level, at the red nodes of a plane.
     #[inline(always)]
-    fn red_residual<S: Simd>(&mut self, simd: S, k: usize, active: &[usize]) {
-        let (len, places) = (self.layout().len(), self.layout().plane(k));
-        let stencil = self.stencil.piece(RED, places.start..places.end);
-        for column in active {
-            let r = &mut self.r[column * len + places.start..column * len + places.end];
-            stencil.gather(simd, OVERCORRECTION, r, &self.x[BLACK][column * len..(column + 1) * len]);
+    fn red_residual<S: Simd>(&mut self, simd: S, k: usize) {
+        let stencil = self.stencil.piece(RED, self.stencil.layout.plane(k));
+        for &column in self.active {
+            let here = self.part.within(&self.layout.plane_of(column, k));
+            let around = self.layout.neighbours(RED, here.start, here.len(), &*self.x[BLACK]);
+            stencil.gather(simd, OVERCORRECTION, &mut self.r[here], around);
         }
     }
 }

@@ -1,24 +1,29 @@
 //! The solver on lattices: the 7-point network without indices in double precision, preconditioned by geometric
 //! multigrid in single precision.
 
+mod between;
 mod hierarchy;
 mod layout;
 mod level;
 mod network;
 mod operator;
+mod parts;
 mod rows;
 mod stage;
 mod stencil;
 mod sums;
 mod transfer;
+mod walk;
 
 use super::islands::Islands;
 use super::operator::State;
+use super::workers::Workers;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use hierarchy::Hierarchy;
 use layout::{Coloured, Layout};
+use parts::Parts;
 use pulp::Arch;
 use std::ops::Range;
 use stencil::Stencil;
@@ -31,6 +36,8 @@ mod tests;
 #[derive(Clone, Debug)]
 pub(crate) struct LatticeSolver {
     columns: usize,
+    /// That of the vectors.
+    layout: Layout,
     /// K over the nodes; what links nodes to objects is on the diagonal.
     stencil: Stencil<f64>,
     links: ObjectLinks,
@@ -45,8 +52,14 @@ pub(crate) struct LatticeSolver {
     active: Vec<usize>,
     /// rᵀz, or zᵀKz and zᵀKp.
     products: [Vec<f64>; 2],
-    sums: Sums,
+    /// The same and the state, of each plane alone.
+    products_of_planes: Vec<[Vec<f64>; 2]>,
+    state_of_planes: Vec<State>,
     state: State,
+    /// How threads share the planes, and storage for each.
+    parts: Parts,
+    sums: Vec<Sums>,
+    workers: Workers,
     arch: Arch,
 }
 
@@ -71,28 +84,42 @@ struct ObjectLink {
 impl LatticeSolver {
     /// Zero fields on a lattice; `objects` conducting objects may be linked to. Weights come with
     /// [`LatticeSolver::refresh`].
-    pub(crate) fn new(lattice: &Lattice, columns: usize, objects: usize, fixed: &[bool]) -> Self {
+    pub(crate) fn new(
+        lattice: &Lattice,
+        columns: usize,
+        objects: usize,
+        fixed: &[bool],
+        workers: Workers,
+    ) -> Self {
         let counts = lattice.node_counts();
-        let layout = Layout::new(counts, fixed_margin(counts, fixed));
+        let of_nodes = Layout::new(counts, fixed_margin(counts, fixed));
+        let layout = of_nodes.with_columns(columns);
+        let hierarchy = Hierarchy::new(lattice, of_nodes, columns, workers.threads());
+        let parts = hierarchy.levels[0].parts.clone();
         Self {
             columns,
-            stencil: Stencil::new(layout),
+            layout,
+            stencil: Stencil::new(of_nodes),
             links: ObjectLinks { links: Vec::new(), potentials: vec![0.0; objects * columns] },
-            x: layout.zeros(columns),
-            p: layout.zeros(columns),
+            x: layout.zeros(),
+            p: layout.zeros(),
             scale: vec![0.0; columns],
-            hierarchy: Hierarchy::new(lattice, layout, columns),
+            hierarchy,
             islands: Islands::default(),
             active: Vec::with_capacity(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
-            sums: Sums::new(columns),
+            products_of_planes: vec![[vec![0.0; columns], vec![0.0; columns]]; counts[2]],
+            state_of_planes: vec![State::new(columns); counts[2]],
             state: State::new(columns),
+            sums: vec![Sums::new(&layout); parts.slabs.len()],
+            parts,
+            workers,
             arch: Arch::new(),
         }
     }
 
     fn nodes(&self) -> usize {
-        self.stencil.layout.counts.into_iter().product()
+        self.layout.counts.into_iter().product()
     }
 
     /// The potential of a row in one column.
@@ -125,9 +152,8 @@ impl LatticeSolver {
 
     /// Where a node stands in the vectors.
     fn place(&self, column: usize, node: usize) -> (usize, usize) {
-        let layout = &self.stencil.layout;
-        let (colour, at) = layout.place(layout.indices(node));
-        (colour, column * layout.len() + at)
+        let (colour, at) = self.layout.place(self.layout.indices(node));
+        (colour, self.layout.in_column(column, at))
     }
 
     /// Takes over the matrix and the fixed rows where they changed, and the residual there. `changed` must hold all
@@ -150,19 +176,20 @@ impl LatticeSolver {
 
     /// The residual of one node, with the same operations as everywhere else.
     fn refresh_residual(&mut self, node: usize, fixed: bool) {
-        let layout = self.stencil.layout;
-        let (colour, at) = layout.place(layout.indices(node));
+        let [of_nodes, layout] = [&self.stencil.layout, &self.layout];
+        let indices = layout.indices(node);
+        let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
         for column in 0..self.columns {
-            let start = column * layout.len();
+            let place = layout.in_column(column, first);
             let mut charge = 0.0;
             if !fixed {
-                let of_other = &self.x[1 - colour][start..start + layout.len()];
-                charge = self.stencil.charge(colour, at, self.x[colour][start + at], of_other);
+                let around = layout.neighbours(colour, place, 1, &self.x[1 - colour]);
+                charge = self.stencil.charge(colour, at, self.x[colour][place], around);
                 for link in self.links.between(colour, &(at..at + 1)) {
                     charge -= link.weight * self.links.potentials[link.object * self.columns + column];
                 }
             }
-            self.hierarchy.levels[0].b[colour][start + at] = -charge as f32;
+            self.hierarchy.levels[0].b[colour][place] = -charge as f32;
         }
     }
 }

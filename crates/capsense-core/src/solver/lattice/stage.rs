@@ -5,9 +5,9 @@
 //! among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and its edges
 //! become leaks, so that no conductor is lost on a coarse level, however thin.
 
+use super::between::{half_row, place_in_halves};
 use super::layout::{Layout, RED};
 use super::network::{Changed, Network, Node};
-use super::transfer::{half_row, place_in_halves};
 use std::ops::Range;
 
 /// One axis made coarser.
@@ -74,9 +74,9 @@ impl Shares {
 
     /// Those of some red nodes.
     #[inline(always)]
-    pub(super) fn red(&self, start: usize, len: usize) -> &[f32] {
+    pub(super) fn red(&self, places: Range<usize>) -> &[f32] {
         match self {
-            Self::Red(_, values) => &values[start..start + len],
+            Self::Red(_, values) => &values[places],
             Self::Rows { .. } => &[],
         }
     }
@@ -204,6 +204,18 @@ impl Stage {
     fn fine_node(&self, mut at: [usize; 3]) -> [usize; 3] {
         at[self.axis] = self.fine_plane[at[self.axis]];
         at
+    }
+
+    /// The coarse planes at a fine one, or before and after it.
+    #[inline(always)]
+    pub(super) fn around(&self, fine: usize) -> [usize; 2] {
+        match self.coarse_plane[fine] {
+            Some(coarse) => [coarse, coarse],
+            None => {
+                let after = self.fine_plane.partition_point(|&plane| plane < fine);
+                [after - 1, after]
+            }
+        }
     }
 
     pub(super) fn is_eliminated(&self, plane: usize) -> bool {

@@ -18,23 +18,21 @@ pub(super) struct Stencil<T> {
 
 /// The stencils of successive nodes of one colour.
 pub(super) struct Piece<'a, T> {
-    /// Where the nodes' six neighbours are, each in one piece.
-    around: [usize; 6],
-    /// Weights to these.
+    /// Weights to the six neighbours, along x, y and z, the previous and the next.
     weights: [&'a [T]; 6],
     centre: &'a [T],
 }
 
 impl<T: Clone + Default> Stencil<T> {
     pub(super) fn new(layout: Layout) -> Self {
-        let zeros = || layout.zeros(1);
+        let zeros = || layout.zeros();
         Self { layout, next: [zeros(), zeros(), zeros()], centre: zeros() }
     }
 
     /// The stencils of the nodes at some places of one colour.
     #[inline(always)]
     pub(super) fn piece(&self, colour: usize, places: Range<usize>) -> Piece<'_, T> {
-        let around @ [a, _, c, _, e, _] = self.layout.around(colour, places.start);
+        let [a, _, c, _, e, _] = self.layout.around(colour, places.start);
         let (n, own) = (places.len(), places.start);
         let [x, y, z] = &self.next;
         let other = 1 - colour;
@@ -46,17 +44,7 @@ impl<T: Clone + Default> Stencil<T> {
             &z[other][e..e + n],
             &z[colour][own..own + n],
         ];
-        Piece { around, weights, centre: &self.centre[colour][own..own + n] }
-    }
-}
-
-impl<T> Piece<'_, T> {
-    /// The neighbours' values of a column, given all of the other colour.
-    #[inline(always)]
-    fn neighbours<'v, S>(&self, of_other: &'v [S]) -> [&'v [S]; 6] {
-        let ([a, b, c, d, e, f], n) = (self.around, self.centre.len());
-        let of = of_other;
-        [&of[a..a + n], &of[b..b + n], &of[c..c + n], &of[d..d + n], &of[e..e + n], &of[f..f + n]]
+        Piece { weights, centre: &self.centre[colour][own..own + n] }
     }
 }
 
@@ -72,11 +60,11 @@ impl Piece<'_, f32> {
 
     /// Solves the equations of the nodes: x = D⁻¹ (b + Σ w x).
     #[inline(always)]
-    pub(super) fn relax<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32], of_other: &[f32]) {
+    pub(super) fn relax<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32], around: [&[f32]; 6]) {
         let x = S::as_mut_simd_f32s(x).0;
         let n = x.len();
         let (b, inverse) = (&single::<S>(b)[..n], &single::<S>(self.centre)[..n]);
-        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(self.neighbours(of_other), n));
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
         for i in 0..n {
             let sum = sum_of_six_single(simd, &w, &v, i);
             x[i] = simd.mul_f32s(inverse[i], simd.add_f32s(b[i], sum));
@@ -85,11 +73,11 @@ impl Piece<'_, f32> {
 
     /// r = f Σ w x.
     #[inline(always)]
-    pub(super) fn gather<S: Simd>(&self, simd: S, factor: f32, r: &mut [f32], of_other: &[f32]) {
+    pub(super) fn gather<S: Simd>(&self, simd: S, factor: f32, r: &mut [f32], around: [&[f32]; 6]) {
         let factor = simd.splat_f32s(factor);
         let r = S::as_mut_simd_f32s(r).0;
         let n = r.len();
-        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(self.neighbours(of_other), n));
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
         for (i, r) in r.iter_mut().enumerate() {
             *r = simd.mul_f32s(factor, sum_of_six_single(simd, &w, &v, i));
         }
@@ -99,11 +87,11 @@ impl Piece<'_, f32> {
 impl Piece<'_, f64> {
     /// y = D x - Σ w x.
     #[inline(always)]
-    pub(super) fn apply<S: Simd>(&self, simd: S, y: &mut [f64], x: &[f64], of_other: &[f64]) {
+    pub(super) fn apply<S: Simd>(&self, simd: S, y: &mut [f64], x: &[f64], around: [&[f64]; 6]) {
         let y = S::as_mut_simd_f64s(y).0;
         let n = y.len();
         let (x, diagonal) = (&double::<S>(x)[..n], &double::<S>(self.centre)[..n]);
-        let (w, v) = (six_double::<S>(self.weights, n), six_double::<S>(self.neighbours(of_other), n));
+        let (w, v) = (six_double::<S>(self.weights, n), six_double::<S>(around, n));
         for i in 0..n {
             let sum = sum_of_six_double(simd, &w, &v, i);
             y[i] = simd.sub_f64s(simd.mul_f64s(diagonal[i], x[i]), sum);
@@ -164,13 +152,13 @@ fn sum_of_six_double<S: Simd>(simd: S, w: &[&[S::f64s]; 6], v: &[&[S::f64s]; 6],
 
 impl Stencil<f64> {
     /// What [`Piece::apply`] gives at one place.
-    pub(super) fn charge(&self, colour: usize, at: usize, x: f64, of_other: &[f64]) -> f64 {
-        let [a, b, c, d, e, f] = self.layout.around(colour, at);
+    pub(super) fn charge(&self, colour: usize, at: usize, x: f64, around: [&[f64]; 6]) -> f64 {
+        let [west, _, south, _, down, _] = self.layout.around(colour, at);
         let [x_next, y_next, z_next] = &self.next;
         let other = 1 - colour;
-        let along_x = x_next[other][a] * of_other[a] + x_next[colour][at] * of_other[b];
-        let along_y = y_next[other][c] * of_other[c] + y_next[colour][at] * of_other[d];
-        let along_z = z_next[other][e] * of_other[e] + z_next[colour][at] * of_other[f];
+        let along_x = x_next[other][west] * around[0][0] + x_next[colour][at] * around[1][0];
+        let along_y = y_next[other][south] * around[2][0] + y_next[colour][at] * around[3][0];
+        let along_z = z_next[other][down] * around[4][0] + z_next[colour][at] * around[5][0];
         self.centre[colour][at] * x - (along_x + along_y + along_z)
     }
 }

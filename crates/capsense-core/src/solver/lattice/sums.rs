@@ -2,7 +2,7 @@
 //!
 //! Sums are taken over the places of a block first, then over the blocks' places in a fixed order, then over planes.
 
-use super::layout::{BLACK, BLOCK, Coloured, RED};
+use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
 use super::stencil::Stencil;
 use super::{ObjectLink, ObjectLinks};
 use crate::solver::operator::State;
@@ -30,18 +30,43 @@ pub(super) struct Sums {
     charge: Vec<Partial>,
 }
 
-/// What a plane is evaluated with.
-pub(super) struct Evaluated<'a> {
+/// What planes are evaluated with.
+#[derive(Clone, Copy)]
+pub(super) struct Equations<'a> {
     pub(super) stencil: &'a Stencil<f64>,
+    /// That of the vectors.
+    pub(super) layout: Layout,
     /// Zero where the potential is fixed.
     pub(super) inverse: &'a Coloured<f32>,
     pub(super) links: &'a ObjectLinks,
-    pub(super) x: &'a Coloured<f64>,
-    pub(super) p: &'a Coloured<f32>,
+}
+
+/// Some planes of the vectors, from some place on.
+pub(super) struct Fields<'a> {
+    pub(super) start: usize,
+    pub(super) x: [&'a [f64]; 2],
+    pub(super) p: [&'a [f32]; 2],
+}
+
+/// Successive nodes of one colour in a plane: their places, and where they are in the first column of vectors.
+struct Nodes {
+    colour: usize,
+    places: Range<usize>,
+    first: usize,
+}
+
+impl Nodes {
+    /// Where they are in vectors.
+    #[inline(always)]
+    fn within(&self, layout: &Layout, column: usize) -> Range<usize> {
+        let start = layout.in_column(column, self.first);
+        start..start + self.places.len()
+    }
 }
 
 impl Sums {
-    pub(super) fn new(columns: usize) -> Self {
+    pub(super) fn new(layout: &Layout) -> Self {
+        let columns = layout.columns;
         let partial = |count| vec![[0.0; BLOCK]; count];
         Self {
             columns,
@@ -54,28 +79,31 @@ impl Sums {
         }
     }
 
-    /// r = -K x on the free nodes of plane k; adds its part to the sums of `state`.
+    /// r = -K x on the free nodes of plane k, and its part of the sums.
     #[inline(always)]
     pub(super) fn evaluate<S: Simd>(
         &mut self,
         simd: S,
-        of: &Evaluated<'_>,
-        r: &mut Coloured<f32>,
+        of: &Equations<'_>,
+        fields: &Fields<'_>,
+        r: &mut [&mut [f32]; 2],
         k: usize,
         state: &mut State,
     ) {
+        state.clear();
         for partial in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
             partial.fill([0.0; BLOCK]);
         }
-        let plane = of.stencil.layout.plane(k);
+        let (plane, first) = (of.stencil.layout.plane(k), of.layout.plane(k).start - fields.start);
         for colour in [RED, BLACK] {
-            for start in (plane.start..plane.end).step_by(PIECE) {
-                let places = start..(start + PIECE).min(plane.end);
-                self.apply(simd, of, colour, &places);
-                for link in of.links.between(colour, &places) {
-                    self.apply_link(of, link, places.start, state);
+            for start in (0..plane.len()).step_by(PIECE) {
+                let places = plane.start + start..(plane.start + start + PIECE).min(plane.end);
+                let nodes = Nodes { colour, places, first: first + start };
+                self.apply(simd, of, fields, &nodes);
+                for link in of.links.between(colour, &nodes.places) {
+                    self.apply_link(of, fields, link, &nodes, state);
                 }
-                self.add_piece(simd, of, &mut r[colour], colour, &places);
+                self.add_piece(simd, of, fields, &mut *r[colour], &nodes);
             }
         }
         self.hand_over(state);
@@ -83,27 +111,32 @@ impl Sums {
 
     /// y = K x, all columns.
     #[inline(always)]
-    fn apply<S: Simd>(&mut self, simd: S, of: &Evaluated<'_>, colour: usize, places: &Range<usize>) {
-        let len = of.stencil.layout.len();
-        let stencil = of.stencil.piece(colour, places.start..places.end);
+    fn apply<S: Simd>(&mut self, simd: S, of: &Equations<'_>, fields: &Fields<'_>, nodes: &Nodes) {
+        let n = nodes.places.len();
+        let stencil = of.stencil.piece(nodes.colour, nodes.places.start..nodes.places.end);
         for (column, y) in self.y.chunks_exact_mut(PIECE).enumerate() {
-            let x = &of.x[colour][column * len + places.start..column * len + places.end];
-            stencil.apply(
-                simd,
-                &mut y[..places.len()],
-                x,
-                &of.x[1 - colour][column * len..(column + 1) * len],
-            );
+            let at = nodes.within(&of.layout, column);
+            let around = of.layout.neighbours(nodes.colour, at.start, n, fields.x[1 - nodes.colour]);
+            stencil.apply(simd, &mut y[..n], &fields.x[nodes.colour][at], around);
         }
     }
 
     /// The charges at both ends of a link; what the node has of it is on the diagonal.
-    fn apply_link(&mut self, of: &Evaluated<'_>, link: &ObjectLink, start: usize, state: &mut State) {
-        let (columns, len) = (self.columns, of.stencil.layout.len());
+    fn apply_link(
+        &mut self,
+        of: &Equations<'_>,
+        fields: &Fields<'_>,
+        link: &ObjectLink,
+        nodes: &Nodes,
+        state: &mut State,
+    ) {
+        let columns = self.columns;
         let potentials = &of.links.potentials[link.object * columns..][..columns];
+        let node = link.at - nodes.places.start;
         for (t, &at_object) in potentials.iter().enumerate() {
-            self.y[t * PIECE + link.at - start] -= link.weight * at_object;
-            let on_object = link.weight * (at_object - of.x[link.colour][t * len + link.at]);
+            self.y[t * PIECE + node] -= link.weight * at_object;
+            let at_node = fields.x[link.colour][nodes.within(&of.layout, t).start + node];
+            let on_object = link.weight * (at_object - at_node);
             for (s, &potential) in potentials.iter().enumerate() {
                 state.energies[s * columns + t] += potential * on_object;
             }
@@ -114,32 +147,32 @@ impl Sums {
     fn add_piece<S: Simd>(
         &mut self,
         simd: S,
-        of: &Evaluated<'_>,
+        of: &Equations<'_>,
+        fields: &Fields<'_>,
         r: &mut [f32],
-        colour: usize,
-        places: &Range<usize>,
+        nodes: &Nodes,
     ) {
-        let len = of.stencil.layout.len();
-        let part = |column: usize| column * len + places.start..column * len + places.end;
-        let inverse = &of.inverse[colour][places.start..places.end];
-        let n = places.len();
+        let inverse = &of.inverse[nodes.colour][nodes.places.start..nodes.places.end];
+        let (x, p) = (fields.x[nodes.colour], fields.p[nodes.colour]);
+        let n = nodes.places.len();
         let mut pair = 0;
         for t in 0..self.columns {
             let y = &mut self.y[t * PIECE..t * PIECE + n];
             for s in 0..=t {
-                self.energies[pair] = add_products(simd, self.energies[pair], &of.x[colour][part(s)], y);
+                let x = &x[nodes.within(&of.layout, s)];
+                self.energies[pair] = add_products(simd, self.energies[pair], x, y);
                 pair += 1;
             }
-            let held = &mut self.held[..n];
-            split(y, held, inverse, &of.x[colour][part(t)]);
-            r[part(t)].iter_mut().zip(&*y).for_each(|(r, y)| *r = -*y as f32);
-            self.along[t] = add_mixed_products(self.along[t], &of.p[colour][part(t)], y);
+            let (at, held) = (nodes.within(&of.layout, t), &mut self.held[..n]);
+            split(y, held, inverse, &x[at.start..at.end]);
+            r[at.start..at.end].iter_mut().zip(&*y).for_each(|(r, y)| *r = -*y as f32);
+            self.along[t] = add_mixed_products(self.along[t], &p[at], y);
             self.residual[t] = add_products(simd, self.residual[t], y, y);
             self.charge[t] = add_products(simd, self.charge[t], held, held);
         }
     }
 
-    /// Adds the plane's sums to those of all planes.
+    /// Adds up the sums of the plane.
     fn hand_over(&self, state: &mut State) {
         let mut pair = 0;
         for t in 0..self.columns {

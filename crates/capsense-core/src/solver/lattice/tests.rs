@@ -8,6 +8,7 @@ use crate::mesh::Lattice;
 use crate::occupancy::{DepthLayers, EdgeGeometry, NO_OBJECT, Occupancy, OrthographicView};
 use crate::sensor::{FREE, GROUND};
 use crate::solver::operator::Operator;
+use crate::solver::workers::Workers;
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
 use glam::{DVec2, DVec3};
 
@@ -48,7 +49,7 @@ impl Scene {
         let fixed: Vec<bool> = terminals.iter().map(|&terminal| terminal != FREE).collect();
         let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
         let matrix = StiffnessMatrix::new(network, mesh.nodes().len());
-        let mut solver = LatticeSolver::new(&lattice, COLUMNS, 2, &fixed);
+        let mut solver = LatticeSolver::new(&lattice, COLUMNS, 2, &fixed, Workers::default());
         let mut next = noise(7);
         for (node, _) in fixed.iter().enumerate().filter(|(_, fixed)| !**fixed) {
             (0..COLUMNS).for_each(|column| solver.set_potential(column, node, next()));

@@ -3,8 +3,8 @@
 //! One cycle with piecewise constant corrections loses quality with every level. Two, joined as two steps of conjugate
 //! gradients, do not (the K-cycle of Notay and Vassilevski 2008), and on a coarse level they cost little.
 
-use super::super::workers::vectorised;
 use super::level::{Level, Vectors};
+use crate::solver::workers::vectorised;
 
 /// What must outlive the second cycle.
 #[derive(Clone, Debug, Default)]

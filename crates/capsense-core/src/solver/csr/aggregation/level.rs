@@ -6,8 +6,8 @@
 //! Rows form blocks of a fixed size which do not see what a sweep does in others, so that threads can share them without
 //! changing a bit of the result.
 
-use super::super::workers::{Workers, vectorised};
 use super::krylov::Krylov;
+use crate::solver::workers::{Workers, vectorised};
 use std::ops::Range;
 
 /// Rows that are swept one after another.

@@ -12,7 +12,7 @@ mod transfer;
 
 use super::columns::add;
 use super::rows::Rows;
-use super::workers::Workers;
+use crate::solver::workers::Workers;
 use coarsest::Coarsest;
 use level::{BLOCK, Level, Vectors};
 use transfer::{Changes, Transfer};

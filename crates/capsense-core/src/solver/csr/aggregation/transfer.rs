@@ -4,9 +4,9 @@
 //! all its members. The aggregates never change, so coarse weights are sums over fixed lists of fine ones (Galerkin's
 //! product with a piecewise constant prolongator).
 
-use super::super::workers::{TASK_ROWS, Workers, vectorised};
 use super::aggregates::aggregates;
 use super::level::{Level, NONE, Vectors};
+use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 use std::ops::Range;
 
 /// Piecewise constant corrections are too stiff; stretching them by about this factor makes up for it (Braess 1995).

@@ -30,13 +30,32 @@ impl Workers {
         Self { pool: pool.flatten().map(Arc::new) }
     }
 
+    /// How many threads there are.
+    pub(super) fn threads(&self) -> usize {
+        self.pool.as_ref().map_or(1, |pool| pool.current_num_threads())
+    }
+
+    /// Does work that shares out much of itself on one of the threads, so that none must wait for them each time.
+    pub(super) fn among<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        match &self.pool {
+            None => work(),
+            Some(pool) => pool.install(work),
+        }
+    }
+
     /// Does the work for every task, which must not depend on each other.
-    pub(super) fn for_each<T: Send>(&self, tasks: impl Iterator<Item = T> + Send, work: impl Fn(T) + Sync) {
+    pub(super) fn for_each<T: Send>(
+        &self,
+        mut tasks: impl Iterator<Item = T> + Send,
+        work: impl Fn(T) + Sync,
+    ) {
         match &self.pool {
             None => tasks.for_each(work),
             Some(pool) => pool.scope(|scope| {
                 let work = &work;
+                let own = tasks.next();
                 tasks.for_each(|task| scope.spawn(move |_| work(task)));
+                own.into_iter().for_each(work);
             }),
         }
     }

@@ -1,0 +1,125 @@
+//! Planes shared out among threads.
+//!
+//! Fused work goes through the planes in stages, each one plane behind the one before, because it needs what that left
+//! in the planes on both sides. So each thread first does what needs no planes but those of its slab, which is a plane
+//! less at either end from stage to stage; then what is left at the borders between slabs is done. A stage reads only
+//! what no other node of the same stage writes: whatever the slabs, the results have the same bits.
+
+use super::layout::Layout;
+use std::ops::Range;
+
+/// A slab must have so many planes, for the borders at its two ends not to touch.
+const MIN_PLANES: usize = 6;
+
+/// Below this number of nodes, threads take longer to wake than they save.
+const WORTHWHILE: usize = 20_000;
+
+/// How the planes of a lattice are cut.
+#[derive(Clone, Debug)]
+pub(super) struct Parts {
+    /// What is done first, and what after it.
+    pub(super) slabs: Vec<Part>,
+    pub(super) borders: Vec<Part>,
+}
+
+/// Work that one thread does alone.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    /// The planes that it may use, where they are in vectors, and where those before it are.
+    pub(super) planes: Range<usize>,
+    pub(super) places: Range<usize>,
+    /// The planes of the first stage.
+    first: Range<usize>,
+    /// By how many planes each further stage starts and ends later.
+    later: [isize; 2],
+}
+
+impl Parts {
+    /// Cuts the planes of vectors for so many threads at most. There is always one slab.
+    pub(super) fn new(layout: &Layout, threads: usize) -> Self {
+        let planes = layout.planes();
+        let count = threads.min(planes.len() / MIN_PLANES).max(1);
+        let border = |slab: usize| planes.start + planes.len() * slab / count;
+        let all = 0..layout.counts[2];
+        let slabs = (0..count).map(|slab| {
+            let first = border(slab)..border(slab + 1);
+            let (is_first, is_last) = (slab == 0, slab + 1 == count);
+            let from = if is_first { all.start } else { first.start };
+            let to = if is_last { all.end } else { first.end };
+            let later = [isize::from(!is_first), -isize::from(!is_last)];
+            Part { planes: from..to, places: places(layout, from..to), first, later }
+        });
+        let middle = |slab: usize| border(slab).midpoint(border(slab + 1));
+        let borders = (1..count).map(|slab| {
+            let from = if slab == 1 { all.start } else { middle(slab - 1) };
+            let to = if slab + 1 == count { all.end } else { middle(slab) };
+            let first = border(slab)..border(slab);
+            Part { planes: from..to, places: places(layout, from..to), first, later: [-1, 1] }
+        });
+        Self { slabs: slabs.collect(), borders: borders.collect() }
+    }
+
+    /// As many threads as are worth it for a lattice.
+    pub(super) fn worthwhile(layout: &Layout, threads: usize) -> usize {
+        if layout.counts.into_iter().product::<usize>() < WORTHWHILE { 1 } else { threads }
+    }
+
+    /// What is done first, and what after it.
+    pub(super) fn phases(&self) -> [&[Part]; 2] {
+        [&self.slabs, &self.borders]
+    }
+}
+
+/// Where planes are in vectors.
+fn places(layout: &Layout, planes: Range<usize>) -> Range<usize> {
+    let start = if planes.start == 0 { 0 } else { layout.cut(planes.start) };
+    let end = if planes.end == layout.counts[2] { layout.len() } else { layout.cut(planes.end) };
+    start..end
+}
+
+impl Part {
+    /// The steps of work with so many stages.
+    #[inline(always)]
+    pub(super) fn steps(&self, stages: usize) -> Range<usize> {
+        let behind = (stages - 1) * (1 + self.later[1]) as usize;
+        self.first.start..self.first.end + behind
+    }
+
+    /// The plane in which a stage works in a step.
+    #[inline(always)]
+    pub(super) fn plane(&self, stage: usize, step: usize) -> Option<usize> {
+        let [start, end] = self.later;
+        let plane = step as isize - stage as isize;
+        let from = self.first.start as isize + stage as isize * start;
+        let to = self.first.end as isize + stage as isize * end;
+        if from <= plane && plane < to { Some(plane as usize) } else { None }
+    }
+
+    /// A place of a vector in the piece that is of this part.
+    #[inline(always)]
+    pub(super) fn within(&self, places: &Range<usize>) -> Range<usize> {
+        let base = self.places.start;
+        places.start - base..places.end - base
+    }
+}
+
+/// Cuts a vector at the parts.
+pub(super) fn cut<'a, T>(parts: &[Part], mut values: &'a mut [T]) -> impl Iterator<Item = &'a mut [T]> {
+    parts.iter().map_while(move |part| values.split_off_mut(..part.places.len()))
+}
+
+/// Cuts a vector with one value for each plane at the parts.
+pub(super) fn cut_planes<'a, T>(
+    parts: &[Part],
+    mut values: &'a mut [T],
+) -> impl Iterator<Item = &'a mut [T]> {
+    parts.iter().map_while(move |part| values.split_off_mut(..part.planes.len()))
+}
+
+/// Cuts the vectors of both colours.
+pub(super) fn cut_both<'a, T>(
+    parts: &[Part],
+    [red, black]: &'a mut [Vec<T>; 2],
+) -> impl Iterator<Item = [&'a mut [T]; 2]> {
+    cut(parts, red).zip(cut(parts, black)).map(|(red, black)| [red, black])
+}
