@@ -42,6 +42,9 @@ pub enum SimulatorError {
     Solve(#[from] SolveError),
 }
 
+/// Largest relative error of the self-capacitances of the empty scene.
+const TOLERANCE_AT_REST: f64 = 1e-8;
+
 /// What a frame took.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +140,10 @@ impl Simulator {
             occupancy,
             fields,
         };
+        // More steps than needed show the condition number, from which errors are told in all frames that follow.
+        simulator.options.tolerance = options.tolerance.min(TOLERANCE_AT_REST);
         let _ = simulator.solve()?;
+        simulator.options = options;
         simulator.base = simulator.capacitance.clone();
         simulator.fields.remember_base();
         Ok(simulator)

@@ -255,3 +255,20 @@ fn the_tolerance_on_changes_holds() {
         }
     }
 }
+
+/// An object that leaves through a wall is linked to nodes of the wall, which the lattice solver does not walk over.
+#[test]
+fn an_object_in_the_wall_has_its_capacitance_to_it() {
+    let lattice = stripes_sensor(12_000);
+    let mesh = without_lattice(&lattice);
+    let floating = vec![Material::Conductor(Connection::Floating)];
+    for place in [DVec3::new(0.0, -0.26, 0.02), DVec3::new(-0.26, 0.0, 0.02), DVec3::new(0.0, 0.0, 0.4)] {
+        let solid = Aabb { min: place, max: place + DVec3::new(0.1, 0.12, 0.06) };
+        let depth = depth_of_boxes([80, 80], &[solid]);
+        let mut by_index = Simulator::new(lattice.clone(), floating.clone(), EXACT).unwrap();
+        let mut by_list = Simulator::new(mesh.clone(), floating.clone(), EXACT).unwrap();
+        let _ = by_index.step(&depth).unwrap();
+        let _ = by_list.step(&depth).unwrap();
+        assert!(error(&by_index, &by_list) < 1e-11, "{place}");
+    }
+}

@@ -141,9 +141,18 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
     }
 }
 
-/// By what factor errors of the old currents weigh more now.
+/// By what factor errors of the old currents weigh more now: each weight against those that carry its current now.
 fn weakening(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> f64 {
-    let ratio = |old: f64, new: f64| if old > 0.0 && new > 0.0 { old / new } else { 1.0 };
-    let along = |end: usize| if free[end] { ratio(before.links[end], after.links[end]) } else { 1.0 };
-    ratio(before.through, after.through).max(along(0)).max(along(1)).max(1.0)
+    let over = |old: f64, new: f64| if old > 0.0 && new > 0.0 { old / new } else { 0.0 };
+    let link = |end: usize| if free[end] { after.links[end] } else { 0.0 };
+    let through = match after.links {
+        [0.0, 0.0] => over(before.through, after.through),
+        _ => over(before.through, link(0)) + over(before.through, link(1)),
+    };
+    let along = |end: usize| match (free[end], after.links[end]) {
+        (false, _) => 0.0,
+        (true, 0.0) => over(before.links[end], after.through),
+        (true, link) => over(before.links[end], link),
+    };
+    through.max(along(0)).max(along(1)).max(1.0)
 }

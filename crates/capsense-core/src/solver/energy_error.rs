@@ -98,6 +98,18 @@ impl EnergyError {
         enough && self.relative(column).is_some_and(|relative| relative <= tolerance)
     }
 
+    /// The same, however few steps there were.
+    pub(super) fn is_estimated_below(&self, column: usize, tolerance: f64) -> bool {
+        self.relative(column).is_some_and(|relative| relative <= tolerance)
+    }
+
+    /// Forgets what solves have shown.
+    pub(super) fn forget(&mut self) {
+        if let ErrorRule::Spectrum { condition, solves } = &mut self.rule {
+            (*condition, *solves) = (None, 0);
+        }
+    }
+
     /// Whether this solve is to show the condition number.
     pub(super) fn is_learning(&self) -> bool {
         match self.rule {

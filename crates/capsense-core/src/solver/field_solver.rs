@@ -126,7 +126,8 @@ impl FieldSolver {
         let report = workers.among(|| match vectors {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, base, options),
             Vectors::Csr(fields) => improve(fields, lost, iteration, base, options),
-        })?;
+        });
+        let report = report.inspect_err(|_| self.iteration.forget())?;
         let energies = match &self.vectors {
             Vectors::Lattice(fields) => &fields.state().energies,
             Vectors::Csr(fields) => &fields.state().energies,

@@ -15,6 +15,9 @@ const PARALLEL: f64 = 1e-10;
 /// When r·p falls by no more than this part of it in a step of assumed length, rounding rules, or the length was absurd.
 const UNRELIABLE: f64 = 0.1;
 
+/// Squared residuals below this part of the squared charges are gone.
+const GONE: f64 = 1e-24;
+
 /// Lengths of first steps that may be used again.
 const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
@@ -79,6 +82,7 @@ impl ConjugateGradients {
                     // Nothing to improve, but rows may have changed since the energies were summed.
                     fields.evaluate();
                 }
+                self.check_exhausted(fields, base, options, iterations)?;
                 break;
             }
             let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
@@ -103,6 +107,34 @@ impl ConjugateGradients {
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
         let residual = ratios.map(|(free, held)| (free / held).sqrt()).fold(0.0, f64::max);
         Ok(SolveReport { iterations, relative_error, residual, skipped: false })
+    }
+
+    /// Where r·z is zero there is nothing more to gain: either the residual is gone, or rounding has made z worthless.
+    fn check_exhausted(
+        &self,
+        fields: &impl Operator,
+        base: &[f64],
+        options: &SolverOptions,
+        iterations: usize,
+    ) -> Result<(), SolveError> {
+        let state = fields.state();
+        let unfinished = (0..fields.columns()).any(|column| {
+            let energy = state.energies[column * fields.columns() + column];
+            let allowed = options.allowed(energy, base.get(column).copied());
+            state.residual[column] > GONE * state.charge[column]
+                && !self.error.is_estimated_below(column, allowed)
+        });
+        if !unfinished {
+            return Ok(());
+        }
+        let (relative_error, tolerance) = (self.error.worst(), options.tolerance);
+        Err(SolveError::NotConverged { iterations, relative_error, tolerance })
+    }
+
+    /// Forgets what solves have shown, after one that failed.
+    pub(crate) fn forget(&mut self) {
+        self.error.forget();
+        self.lengths.fill(f64::NAN);
     }
 
     /// The estimated relative error that the last solve left of one column.

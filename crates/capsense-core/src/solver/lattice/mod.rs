@@ -68,6 +68,8 @@ pub(crate) struct LatticeSolver {
 struct ObjectLinks {
     /// In the order of colours and places.
     links: Vec<ObjectLink>,
+    /// Those of nodes that are not evaluated because their rows and planes are fixed throughout.
+    of_margin: Vec<ObjectLink>,
     /// Potentials of objects: object by object, all columns.
     potentials: Vec<f64>,
 }
@@ -100,7 +102,7 @@ impl LatticeSolver {
             columns,
             layout,
             stencil: Stencil::new(of_nodes),
-            links: ObjectLinks { links: Vec::new(), potentials: vec![0.0; objects * columns] },
+            links: ObjectLinks { potentials: vec![0.0; objects * columns], ..ObjectLinks::default() },
             x: layout.zeros(),
             p: layout.zeros(),
             scale: vec![0.0; columns],
@@ -198,13 +200,28 @@ impl ObjectLinks {
     /// Takes those links of a matrix that lead to objects that are at 1 V in some column.
     fn collect(&mut self, layout: &Layout, matrix: &StiffnessMatrix, columns: usize) {
         self.links.clear();
+        self.of_margin.clear();
         for (node, object, weight) in matrix.object_links() {
             if self.potentials[object * columns..][..columns].iter().any(|&potential| potential != 0.0) {
-                let (colour, at) = layout.place(layout.indices(node));
-                self.links.push(ObjectLink { colour, at, object, weight });
+                let indices = layout.indices(node);
+                let (colour, at) = layout.place(indices);
+                let is_evaluated =
+                    layout.planes().contains(&indices[2]) && layout.plane(indices[2]).contains(&at);
+                let links = if is_evaluated { &mut self.links } else { &mut self.of_margin };
+                links.push(ObjectLink { colour, at, object, weight });
             }
         }
         self.links.sort_by_key(|link| (link.colour, link.at));
+    }
+
+    /// Adds the energies of links to nodes of the margin, which are held at 0 V in all columns.
+    fn add_margin(&self, columns: usize, energies: &mut [f64]) {
+        for link in &self.of_margin {
+            let potentials = &self.potentials[link.object * columns..][..columns];
+            for (s, t) in (0..columns).flat_map(|s| (0..columns).map(move |t| (s, t))) {
+                energies[s * columns + t] += link.weight * potentials[s] * potentials[t];
+            }
+        }
     }
 
     /// Those of nodes of one colour at some places.

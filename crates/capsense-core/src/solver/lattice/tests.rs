@@ -163,7 +163,8 @@ fn energies_are_those_of_the_assembled_matrix() {
     };
     let fields: Vec<Vec<f64>> = (0..COLUMNS).map(field).collect();
     for (s, t) in (0..COLUMNS).flat_map(|s| (0..COLUMNS).map(move |t| (s, t))) {
-        let applied: f64 = matrix.triplet_iter().map(|(i, j, value)| fields[s][i] * value * fields[t][j]).sum();
+        let applied: f64 =
+            matrix.triplet_iter().map(|(i, j, value)| fields[s][i] * value * fields[t][j]).sum();
         let energy = scene.solver.state().energies[s * COLUMNS + t];
         let scale = scene.solver.state().energies[s * COLUMNS + s].abs();
         assert!((energy - applied).abs() < 1e-12 * scale, "{s} {t}: {energy} {applied}");

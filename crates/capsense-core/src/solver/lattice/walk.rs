@@ -46,6 +46,7 @@ impl LatticeSolver {
         self.state.clear();
         self.state_of_planes[layout.planes()].iter().for_each(|plane| self.state.add(plane));
         let columns = self.columns;
+        self.links.add_margin(columns, &mut self.state.energies);
         for t in 0..columns {
             for s in 0..t {
                 self.state.energies[t * columns + s] = self.state.energies[s * columns + t];
