@@ -287,6 +287,8 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     let outward =
         |node| scene.matrix.row(node).filter(|(other, _)| !inside[*other]).map(|(_, weight)| weight);
     let stiffness: f64 = body().flat_map(outward).sum();
+    // The charges on the electrodes must have reached the body.
+    iterate(&mut solver, 10);
     let push: f64 = body().map(|node| -solver.charge(0, node)).sum();
     let without = solver.precondition(&[true; 2])[0];
     solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed());
