@@ -221,7 +221,7 @@ impl SensorDesign {
     /// # Errors
     /// When the coordinates are no lattice, as for a spacing that is not positive.
     pub fn lattice_of_spacing(&self, finest: f64) -> Result<Lattice, SensorError> {
-        if !(finest > 0.0) {
+        if finest.is_nan() || finest <= 0.0 {
             return Err(InvalidAxis { axis: 0 }.into());
         }
         let board = self.substrate.map(|board| board.bounds());

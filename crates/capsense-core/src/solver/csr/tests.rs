@@ -85,7 +85,11 @@ impl Scene {
     fn move_object(&mut self, height: f64, material: Material) {
         let view = OrthographicView { domain: DOMAIN, width: 20, height: 20 };
         let mut depth = DepthLayers::empty(view, 1);
-        for pixel in (0..400).filter(|pixel| pixel / 20 > 6) {
+        // Conductors reach the wall, dielectrics float.
+        let floats = matches!(material, Material::Dielectric(_));
+        let in_sight = |at: usize| if floats { (7..16).contains(&at) } else { at > 6 };
+        let across = |at: usize| !floats || (4..16).contains(&at);
+        for pixel in (0..400).filter(|pixel| in_sight(pixel / 20) && across(pixel % 20)) {
             let (front, back) = depth.layer_mut(0);
             (front[pixel], back[pixel]) = (height as f32, height as f32 + thickness(&material));
         }
@@ -288,6 +292,8 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     let outward =
         |node| scene.matrix.row(node).filter(|(other, _)| !inside[*other]).map(|(_, weight)| weight);
     let stiffness: f64 = body().flat_map(outward).sum();
+    // The charges on the electrodes must have reached the body.
+    iterate(&mut solver, 10);
     let push: f64 = body().map(|node| -solver.charge(0, node)).sum();
     let without = solver.precondition(&[true; 2])[0];
     solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed());
