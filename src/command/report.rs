@@ -44,6 +44,8 @@ struct Solver {
     preconditioner: &'static str,
     tolerance: f64,
     threads: usize,
+    /// Frames that needed no solution because nothing that matters had changed; the others' iterations follow.
+    frames_skipped: usize,
     iterations_median: usize,
     iterations_max: usize,
     relative_error_final: f64,
@@ -94,7 +96,8 @@ impl<'a> Report<'a> {
         setup: f64,
         interrupted: bool,
     ) -> Self {
-        let iterations: Vec<usize> = frames.iter().map(|frame| frame.solve.iterations).collect();
+        let solved = frames.iter().filter(|frame| !frame.solve.skipped);
+        let iterations: Vec<usize> = solved.map(|frame| frame.solve.iterations).collect();
         let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
         Self {
             version: env!("CARGO_PKG_VERSION"),
@@ -113,6 +116,7 @@ impl<'a> Report<'a> {
                 preconditioner: preconditioner_name(pipeline),
                 tolerance: scene.solver.tolerance,
                 threads: 1,
+                frames_skipped: frames.len() - iterations.len(),
                 iterations_median: percentile(&iterations, 0.5),
                 iterations_max: percentile(&iterations, 1.0),
                 relative_error_final: errors.last().copied().unwrap_or(0.0),

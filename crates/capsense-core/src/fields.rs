@@ -3,9 +3,9 @@
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
-use crate::occupancy::{NO_OBJECT, Occupancy};
+use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{FieldSolver, SolveError, SolveReport, SolverOptions};
+use crate::solver::{EdgeFields, FieldSolver, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -69,6 +69,62 @@ impl Fields {
             let value = if holder == FREE { free } else { f64::from(u8::from(holder == terminal)) };
             self.solver.set_potential(column, row, value);
         }
+    }
+
+    /// Bounds what the changes of a frame do, before conductors move. Gives up as soon as the bounds are too far apart to
+    /// be of use, or when a conductor releases a node, because its charge then has nowhere to go.
+    pub(crate) fn bracket(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        electrodes: usize,
+        options: &SolverOptions,
+    ) {
+        let released = |node: &u32| occupancy.conductors()[*node as usize] == NO_OBJECT;
+        if !self.solver.bracket_is_open(options) || occupancy.changed_nodes().iter().any(released) {
+            self.solver.bracket_mut().is_lost = true;
+            return;
+        }
+        self.solver.bracket_mut().start_changes();
+        let columns = self.terminals.len();
+        let (mut before, mut after) = (Vec::with_capacity(columns), Vec::with_capacity(columns));
+        for &(edge, replaced) in occupancy.replaced_couplings() {
+            let weight = matrix.network().weights()[edge as usize];
+            if weight <= 0.0 {
+                continue;
+            }
+            let ends = matrix.network().edges().ends_of_existing(edge as usize).map(|node| node as usize);
+            let holders = ends.map(|node| match occupancy.conductors()[node] {
+                NO_OBJECT => self.row_terminals[node],
+                object => electrodes as Terminal + 1 + object,
+            });
+            before.clear();
+            after.clear();
+            for column in 0..columns {
+                let held = |terminal: Terminal| f64::from(u8::from(terminal == self.terminals[column]));
+                let object = |object: u16| held(electrodes as Terminal + 1 + object);
+                let see = |coupling: &Coupling, ends: [f64; 2]| EdgeFields {
+                    through: coupling.through,
+                    links: coupling.factor,
+                    ends,
+                    objects: coupling
+                        .object
+                        .map(|index| if index == NO_OBJECT { 0.0 } else { object(index) }),
+                };
+                let now = ends.map(|node| self.solver.potential(column, node));
+                let moved =
+                    [0, 1].map(|end| if holders[end] == FREE { now[end] } else { held(holders[end]) });
+                before.push(see(&replaced, now));
+                after.push(see(&occupancy.couplings()[edge as usize], moved));
+            }
+            let free = holders.map(|holder| holder == FREE);
+            self.solver.bracket_mut().change(weight, &before, &after, free);
+            if !self.solver.bracket_is_open(options) {
+                self.solver.bracket_mut().is_lost = true;
+                return;
+            }
+        }
+        self.solver.bracket_mut().finish_changes();
     }
 
     /// Nodes taken by a conductor get its potential; released nodes start from it.
@@ -138,6 +194,11 @@ impl Fields {
 
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
         self.solver.solve(options)
+    }
+
+    /// Takes the energies of the last solve for those of the empty scene.
+    pub(crate) fn remember_base(&mut self) {
+        self.solver.remember_base();
     }
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are

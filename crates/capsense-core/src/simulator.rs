@@ -139,6 +139,7 @@ impl Simulator {
         };
         let _ = simulator.solve()?;
         simulator.base = simulator.capacitance.clone();
+        simulator.fields.remember_base();
         Ok(simulator)
     }
 
@@ -171,6 +172,12 @@ impl Simulator {
             permittivity: self.matrix.network().permittivity(),
         };
         self.occupancy.update(mesh, &self.materials, surfaces);
+        self.fields.bracket(
+            &self.matrix,
+            &self.occupancy,
+            self.sensor.electrode_names().len(),
+            &self.options,
+        );
         self.matrix.update(&self.occupancy);
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.forget_absent_objects(&self.occupancy, self.sensor.electrode_names().len());

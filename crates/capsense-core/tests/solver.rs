@@ -202,3 +202,56 @@ fn edges_near_a_box_are_all_found() {
         assert_eq!(near(&by_index), near(&by_search));
     }
 }
+
+/// Frames in which nothing moves cost nothing; those in which little does are bounded from both sides and not solved.
+#[test]
+fn frames_that_cannot_matter_are_skipped() {
+    let sensor = stripes_sensor(12_000);
+    for materials in [materials(), with_dielectric(80.0)] {
+        let options = SolverOptions { tolerance: 1e-3, ..SolverOptions::default() };
+        let mut truth = Simulator::new(sensor.clone(), materials.clone(), EXACT).unwrap();
+        let mut simulator = Simulator::new(sensor.clone(), materials, options).unwrap();
+        let mut skipped = 0;
+        for frame in 0..60 {
+            // Far away, a tenth of a millimetre a frame, down, up, and still.
+            let step = 1e-4 * f64::from(30 - i32::min((30 - frame % 40i32).abs(), 25));
+            let boxes = [bar(0.25 - step, 0.0), bar(0.33 + step, -0.1), bar(0.4, 0.1)];
+            let depth = depth_of_boxes([80, 80], &boxes);
+            let report = simulator.step(&depth).unwrap();
+            let _ = truth.step(&depth).unwrap();
+            assert!(error(&simulator, &truth) <= options.tolerance, "frame {frame}: {report:?}");
+            assert!(report.solve.relative_error <= options.tolerance);
+            assert!(!report.solve.skipped || report.solve.iterations == 0);
+            skipped += usize::from(report.solve.skipped);
+            let before = simulator.capacitance().clone();
+            let again = simulator.step(&depth).unwrap();
+            assert!(again.solve.skipped && again.changed_edges == 0, "frame {frame}: {report:?} {again:?}");
+            assert_eq!(simulator.capacitance(), &before);
+        }
+        assert!(skipped > 30, "{skipped}");
+        // What happens nearby is never skipped.
+        let near = depth_of_boxes([80, 80], &[bar(0.02, 0.0), bar(0.33, -0.1), bar(0.4, 0.1)]);
+        assert!(!simulator.step(&near).unwrap().solve.skipped);
+    }
+}
+
+/// The change that an object makes is known to the tolerance asked for, however small it is.
+#[test]
+fn the_tolerance_on_changes_holds() {
+    let sensor = stripes_sensor(12_000);
+    let grounded = vec![Material::Conductor(Connection::Grounded)];
+    let mut truth = Simulator::new(sensor.clone(), grounded.clone(), EXACT).unwrap();
+    let options = SolverOptions { tolerance: 1e-2, change_tolerance: Some(1e-3), ..SolverOptions::default() };
+    let mut simulator = Simulator::new(sensor, grounded, options).unwrap();
+    for frame in 0..40 {
+        let depth = depth_of_boxes([80, 80], &[bar(0.35 - 0.008 * f64::from(frame), 0.0)]);
+        let _ = simulator.step(&depth).unwrap();
+        let _ = truth.step(&depth).unwrap();
+        for electrode in 0..3 {
+            let of = |s: &Simulator| s.capacitance().get(electrode, electrode);
+            let change = of(&truth) - truth.base().get(electrode, electrode);
+            let allowed = (1e-3 * change.abs()).max(2e-9 * of(&truth));
+            assert!((of(&simulator) - of(&truth)).abs() <= allowed, "frame {frame}, electrode {electrode}");
+        }
+    }
+}

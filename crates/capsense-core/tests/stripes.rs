@@ -52,7 +52,8 @@ fn rows_sum_to_zero_with_ground() {
         let c = simulator.capacitance();
         for (i, row) in c.rows().enumerate() {
             let sum = row.iter().sum::<f64>() + simulator.capacitance_to_ground()[i];
-            assert!(sum.abs() < 1e-9 * c.get(i, i), "row {i} sums to {sum} F, {material:?}");
+            // Charges are only as good as the fields, whose error is the root of that of the energies, at best 1e-16.
+            assert!(sum.abs() < 1e-8 * c.get(i, i), "row {i} sums to {sum} F, {material:?}");
         }
     }
 }

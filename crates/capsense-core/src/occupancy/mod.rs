@@ -95,6 +95,8 @@ pub struct Occupancy {
     couplings: Vec<Coupling>,
     linked_edges: SortedList<u32>,
     changed_edges: Vec<u32>,
+    /// Edges and couplings before that changed, in the same order.
+    replaced: Vec<(u32, Coupling)>,
     changed_nodes: Vec<u32>,
     touches: SortedList<Touch>,
     contacts: Vec<Contact>,
@@ -190,6 +192,7 @@ impl Occupancy {
             couplings: vec![Coupling::PLAIN; edges],
             linked_edges: SortedList::new(),
             changed_edges: Vec::new(),
+            replaced: Vec::new(),
             changed_nodes: Vec::new(),
             touches: SortedList::new(),
             contacts: Vec::new(),
@@ -222,7 +225,8 @@ impl Occupancy {
             });
         }
         self.changes = changes;
-        self.changed_edges.sort_unstable();
+        self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
+        self.changed_edges.extend(self.replaced.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();
         if links_lost || self.linked_edges.grows() {
             let couplings = &self.couplings;
@@ -244,6 +248,7 @@ impl Occupancy {
         }
         self.changed_nodes.clear();
         self.changed_edges.clear();
+        self.replaced.clear();
     }
 
     fn update_node(&mut self, scene: &Scene<'_>, node: usize) {
@@ -275,7 +280,7 @@ impl Occupancy {
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
         if moved || !coupling.is(&before) {
-            self.changed_edges.push(edge as u32);
+            self.replaced.push((edge as u32, before));
         }
         if coupling.is_linked() && !before.is_linked() {
             self.linked_edges.add(edge as u32);
@@ -319,6 +324,11 @@ impl Occupancy {
     /// Edges that are coupled differently than in the frame before, in increasing order.
     pub fn changed_edges(&self) -> &[u32] {
         &self.changed_edges
+    }
+
+    /// The same with the couplings that they had.
+    pub(crate) fn replaced_couplings(&self) -> &[(u32, Coupling)] {
+        &self.replaced
     }
 
     /// Nodes that belong to another conductor, or none, than in the frame before, in increasing order.

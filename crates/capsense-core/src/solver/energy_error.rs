@@ -110,7 +110,7 @@ impl EnergyError {
 
     /// Estimated relative error of one column's energy; `None` while there is too little to tell from. A column that
     /// never took a step had no residual.
-    fn relative(&self, column: usize) -> Option<f64> {
+    pub(super) fn relative(&self, column: usize) -> Option<f64> {
         let steps = &self.steps[column * REMEMBERED..][..REMEMBERED];
         let taken = self.taken[column];
         let last = steps[taken.saturating_sub(1) % REMEMBERED];

@@ -1,5 +1,6 @@
 //! The fields with the operator that fits the mesh.
 
+use super::bracket::Bracket;
 use super::csr::CsrSolver;
 use super::energy_error::ErrorRule;
 use super::lattice::LatticeSolver;
@@ -19,6 +20,11 @@ pub(crate) struct FieldSolver {
     iteration: ConjugateGradients,
     /// Whether the residual is not that of the fields, and must be computed everywhere.
     residual_is_lost: bool,
+    columns: usize,
+    bracket: Bracket,
+    /// Energies of the empty scene, column by column, and the residual of the last frame that was solved.
+    base: Vec<f64>,
+    residual: f64,
 }
 
 /// The operators.
@@ -57,7 +63,16 @@ impl FieldSolver {
                     workers.clone(),
                 )),
             };
-        Self { vectors, workers, iteration: ConjugateGradients::new(columns, rule), residual_is_lost: true }
+        Self {
+            vectors,
+            workers,
+            iteration: ConjugateGradients::new(columns, rule),
+            residual_is_lost: true,
+            columns,
+            bracket: Bracket::new(columns),
+            base: Vec::new(),
+            residual: 0.0,
+        }
     }
 
     /// The potential of a row in one column.
@@ -98,22 +113,57 @@ impl FieldSolver {
         }
     }
 
-    /// Improves the fields until the tolerance is reached.
+    /// Improves the fields until the tolerance is reached, unless nothing that changed can matter.
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        if !self.residual_is_lost && self.may_skip(options) {
+            return Ok(SolveReport {
+                iterations: 0,
+                relative_error: self.bracket.relative_error(),
+                residual: self.residual,
+                skipped: true,
+            });
+        }
+        self.bracket.is_lost = true;
         let lost = std::mem::take(&mut self.residual_is_lost);
-        let Self { vectors, workers, iteration, .. } = self;
-        workers.among(|| match vectors {
-            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, options),
-            Vectors::Csr(fields) => improve(fields, lost, iteration, options),
+        let Self { vectors, workers, iteration, base, .. } = self;
+        let report = workers.among(|| match vectors {
+            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, base, options),
+            Vectors::Csr(fields) => improve(fields, lost, iteration, base, options),
+        })?;
+        let energies = match &self.vectors {
+            Vectors::Lattice(fields) => &fields.state().energies,
+            Vectors::Csr(fields) => &fields.state().energies,
+        };
+        self.bracket.reset(energies, (0..self.columns).map(|column| self.iteration.relative_error(column)));
+        self.residual = report.residual;
+        Ok(report)
+    }
+
+    fn may_skip(&self, options: &SolverOptions) -> bool {
+        (0..self.columns).all(|column| {
+            let energy = self.energies()[column * self.columns + column];
+            self.bracket.is_below(column, options.allowed(energy, self.base.get(column).copied()))
         })
     }
 
-    /// XᵀKX of the fields as last solved: row by row, all pairs of columns.
+    /// Takes the energies of the last solve for those of the empty scene.
+    pub(crate) fn remember_base(&mut self) {
+        self.base = (0..self.columns).map(|column| self.energies()[column * self.columns + column]).collect();
+    }
+
+    /// The bounds on what changes of couplings do.
+    pub(crate) fn bracket_mut(&mut self) -> &mut Bracket {
+        &mut self.bracket
+    }
+
+    /// Whether bounds are of use: once they are further apart than the tolerance they are not.
+    pub(crate) fn bracket_is_open(&self, options: &SolverOptions) -> bool {
+        !self.residual_is_lost && self.may_skip(options)
+    }
+
+    /// XᵀKX of the fields as they are, row by row, all pairs of columns.
     pub(crate) fn energies(&self) -> &[f64] {
-        match &self.vectors {
-            Vectors::Lattice(fields) => &fields.state().energies,
-            Vectors::Csr(fields) => &fields.state().energies,
-        }
+        &self.bracket.energies
     }
 }
 
@@ -121,10 +171,11 @@ fn improve(
     fields: &mut impl Operator,
     residual_is_lost: bool,
     iteration: &mut ConjugateGradients,
+    base: &[f64],
     options: &SolverOptions,
 ) -> Result<SolveReport, SolveError> {
     if residual_is_lost {
         fields.evaluate();
     }
-    iteration.solve(fields, options)
+    iteration.solve(fields, base, options)
 }

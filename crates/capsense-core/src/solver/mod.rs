@@ -1,5 +1,6 @@
 //! Solves K φ = 0 on the free rows for many terminals at once.
 
+mod bracket;
 mod csr;
 mod energy_error;
 mod field_solver;
@@ -11,16 +12,26 @@ mod pcg;
 mod preconditioner;
 mod workers;
 
+pub(crate) use bracket::EdgeFields;
 pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub use preconditioner::Preconditioner;
+
+/// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
+const ROUNDING: f64 = 1e-16;
+
+/// Changes may be as small as nothing; no more than this part of the capacitance is asked for to resolve them.
+const FINEST_FOR_CHANGES: f64 = 1e-9;
 
 /// When to stop, and how to get there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverOptions {
     /// Largest relative error of the self-capacitances that an unfinished iteration may leave.
     pub tolerance: f64,
+    /// Largest error of the self-capacitances in relation to how far they are from those of the empty scene, if that is
+    /// to be bounded too. It asks for no more than 1e-9 of the self-capacitance itself.
+    pub change_tolerance: Option<f64>,
     /// What the residual is multiplied with.
     pub preconditioner: Preconditioner,
     /// Iterations after which the solver gives up.
@@ -34,10 +45,22 @@ impl Default for SolverOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-4,
+            change_tolerance: None,
             preconditioner: Preconditioner::default(),
             max_iterations: 20_000,
             threads: None,
         }
+    }
+}
+
+impl SolverOptions {
+    /// The relative error that is allowed of a self-capacitance, given as energy, with that of the empty scene.
+    fn allowed(&self, energy: f64, base: Option<f64>) -> f64 {
+        let of_change = self
+            .change_tolerance
+            .zip(base)
+            .map(|(tolerance, base)| (tolerance * (energy - base).abs() / energy).max(FINEST_FOR_CHANGES));
+        self.tolerance.min(of_change.unwrap_or(f64::INFINITY)).max(ROUNDING)
     }
 }
 
@@ -49,9 +72,12 @@ pub struct SolveReport {
     pub iterations: usize,
     /// Estimated relative error of the self-capacitances, the largest over all terminals.
     pub relative_error: f64,
-    /// Recomputed norm of the residual charges on free rows over the norm of the charges on terminals, the largest
-    /// over all terminals.
+    /// Recomputed norm of the residual charges on free rows over the norm of the charges on rows at 1 V, the largest
+    /// over all terminals. That of the last frame solved when this one was skipped.
     pub residual: f64,
+    /// Whether there was nothing to solve, because bounds from both sides showed that what changed in the scene moves no
+    /// capacitance by more than the tolerance.
+    pub skipped: bool,
 }
 
 /// Why there is no solution. The field of the last good frame is lost, that of the failed one is not used.

@@ -15,9 +15,6 @@ const PARALLEL: f64 = 1e-10;
 /// When r·p falls by no more than this part of it in a step of assumed length, rounding rules, or the length was absurd.
 const UNRELIABLE: f64 = 0.1;
 
-/// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
-const ROUNDING: f64 = 1e-16;
-
 /// Lengths of first steps that may be used again.
 const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
@@ -53,16 +50,17 @@ impl ConjugateGradients {
         }
     }
 
-    /// Improves the fields until the tolerance is reached. The residual must be that of the fields.
+    /// Improves the fields until the tolerance is reached. The residual must be that of the fields. `base` holds the
+    /// energies of the empty scene once they are known.
     ///
     /// # Errors
     /// When the tolerance is not reached, the matrix is indefinite, or a value is not finite.
     pub(crate) fn solve(
         &mut self,
         fields: &mut impl Operator,
+        base: &[f64],
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
-        let tolerance = options.tolerance.max(ROUNDING);
         self.active.fill(true);
         self.error.start();
         let mut iterations = 0;
@@ -90,7 +88,9 @@ impl ConjugateGradients {
             iterations += 1;
             // A column that was done may turn out not to be when others show a worse condition number.
             for (column, active) in self.active.iter_mut().enumerate() {
-                *active = !self.error.is_below(column, tolerance);
+                let energy = fields.state().energies[column * fields.columns() + column];
+                let allowed = options.allowed(energy, base.get(column).copied());
+                *active = !self.error.is_below(column, allowed);
             }
         }
         let relative_error = self.error.worst();
@@ -98,7 +98,12 @@ impl ConjugateGradients {
         let state = fields.state();
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
         let residual = ratios.map(|(free, held)| (free / held).sqrt()).fold(0.0, f64::max);
-        Ok(SolveReport { iterations, relative_error, residual })
+        Ok(SolveReport { iterations, relative_error, residual, skipped: false })
+    }
+
+    /// The estimated relative error that the last solve left of one column.
+    pub(crate) fn relative_error(&self, column: usize) -> f64 {
+        self.error.relative(column).unwrap_or(1.0)
     }
 
     /// Columns without a residual are done; others must have a finite, positive r·z.

@@ -16,6 +16,7 @@ pub const DOMAIN: Aabb = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3
 /// Converged to rounding: the tolerance bounds energy, which is quadratic in the field.
 pub const EXACT: SolverOptions = SolverOptions {
     tolerance: 1e-22,
+    change_tolerance: None,
     preconditioner: capsense_core::solver::Preconditioner::Multigrid,
     max_iterations: 20_000,
     threads: None,

@@ -75,9 +75,9 @@ impl Level {
         active: &'a [usize],
     ) -> impl Iterator<Item = Slab<'a>> {
         let Self { stencil, layout, parts, b, x, r } = self;
-        let (layout, parts) = (*layout, parts.phases()[phase]);
+        let (stencil, layout, b, parts) = (&*stencil, *layout, &*b, parts.phases()[phase]);
         let vectors = cut_both(parts, x).zip(cut(parts, r));
-        parts.iter().zip(vectors).map(|(part, (x, r))| Slab { part, stencil, layout, b, x, r, active })
+        parts.iter().zip(vectors).map(move |(part, (x, r))| Slab { part, stencil, layout, b, x, r, active })
     }
 
     /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and

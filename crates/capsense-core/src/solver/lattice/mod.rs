@@ -29,6 +29,9 @@ use std::ops::Range;
 use stencil::Stencil;
 use sums::Sums;
 
+#[cfg(test)]
+mod tests;
+
 /// Fields on a lattice with everything needed to improve them.
 #[derive(Clone, Debug)]
 pub(crate) struct LatticeSolver {

@@ -83,7 +83,7 @@ impl Changed {
         }
         let row = k * ny + j;
         let interval = &mut self.intervals[row];
-        if interval.is_empty() {
+        if interval.start >= interval.end {
             self.rows.push(row as u32);
             *interval = start..end;
         } else {
@@ -98,9 +98,5 @@ impl Changed {
             let Range { start, end } = self.intervals[row];
             visit(start as usize..end as usize, row % ny, row / ny);
         }
-    }
-
-    pub(super) fn for_each(&self, mut visit: impl FnMut([usize; 3])) {
-        self.for_each_row(|nodes, j, k| nodes.for_each(|i| visit([i, j, k])));
     }
 }

@@ -7,7 +7,7 @@
 
 use super::between::{half_row, place_in_halves};
 use super::layout::{Layout, RED};
-use super::network::{Changed, Network};
+use super::network::{Changed, Network, Node};
 use std::ops::Range;
 
 /// One axis made coarser.
@@ -115,23 +115,52 @@ impl Stage {
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
     pub(super) fn refresh(&mut self, fine: &Network, changed: &Changed) {
         self.find_reached(changed);
-        let reached = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
         self.changed.clear();
-        reached.for_each(|at| self.refresh_share(fine, at));
-        reached.for_each(|at| self.refresh_node(fine, at));
-        reached.for_each(|at| {
-            let index = self.coarse.index(at);
-            let before = self.coarse.nodes[index].inverse;
-            self.coarse.set_inverse(index, fine.is_fixed(fine.index(self.fine_node(at))));
-            if self.coarse.nodes[index].inverse != before {
-                self.note(at);
-            }
-        });
+        let reached = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
+        reached.for_each_row(|nodes, j, k| nodes.for_each(|i| self.refresh_share(fine, [i, j, k])));
+        reached.for_each_row(|nodes, j, k| self.refresh_row(fine, nodes, j, k));
+        reached.for_each_row(|nodes, j, k| self.refresh_inverses(fine, nodes, j, k));
         self.reached = reached;
     }
 
-    fn note(&mut self, [i, j, k]: [usize; 3]) {
-        self.changed.add(i..i + 1, j, k);
+    fn refresh_row(&mut self, fine: &Network, nodes: Range<usize>, j: usize, k: usize) {
+        // A weight is as much the next node's.
+        let [mut own, mut beyond_j, mut beyond_k] = [Interval::EMPTY; 3];
+        for i in nodes {
+            let node = self.coarse_node(fine, [i, j, k]);
+            let index = self.coarse.index([i, j, k]);
+            let before = &mut self.coarse.nodes[index];
+            let changed = [0, 1, 2].map(|axis| before.next[axis] != node.next[axis]);
+            if changed != [false; 3] || before.leak != node.leak {
+                own.add(i);
+                (before.next, before.leak) = (node.next, node.leak);
+            }
+            if changed[0] {
+                own.add(i + 1);
+            }
+            if changed[1] {
+                beyond_j.add(i);
+            }
+            if changed[2] {
+                beyond_k.add(i);
+            }
+        }
+        self.changed.add(own.range(), j, k);
+        self.changed.add(beyond_j.range(), j + 1, k);
+        self.changed.add(beyond_k.range(), j, k + 1);
+    }
+
+    fn refresh_inverses(&mut self, fine: &Network, nodes: Range<usize>, j: usize, k: usize) {
+        let mut changed = Interval::EMPTY;
+        for i in nodes {
+            let index = self.coarse.index([i, j, k]);
+            let before = self.coarse.nodes[index].inverse;
+            self.coarse.set_inverse(index, fine.is_fixed(fine.index(self.fine_node([i, j, k]))));
+            if self.coarse.nodes[index].inverse != before {
+                changed.add(i);
+            }
+        }
+        self.changed.add(changed.range(), j, k);
     }
 
     /// What changes at a node reaches the coarse nodes at it or beside it, and their neighbours across the axis.
@@ -216,55 +245,66 @@ impl Stage {
         self.next.set(at, share.next);
     }
 
-    fn refresh_node(&mut self, fine: &Network, at: [usize; 3]) {
+    /// The weights and the leak of a coarse node.
+    #[inline]
+    fn coarse_node(&self, fine: &Network, at: [usize; 3]) -> Node {
         let axis = self.axis;
         let own = self.fine_node(at);
         let has_next = self.is_eliminated(own[axis] + 1);
         let has_previous = own[axis] > 0 && self.is_eliminated(own[axis] - 1);
         let (own, strides) = (fine.index(own), fine.strides());
         let (previous, next) = (own - strides[axis], own + strides[axis]);
-        let mut coarse = self.coarse.nodes[self.coarse.index(at)];
-        coarse.leak = fine.nodes[own].leak;
-        coarse.next[axis] = fine.weight(axis, own);
+        let mut coarse = fine.nodes[own];
         if has_next {
-            coarse.next[axis] *= self.shares[next].next;
-            coarse.leak += fine.weight(axis, own) * self.shares[next].lost;
+            let (weight, share) = (fine.nodes[own].next[axis], self.shares[next]);
+            coarse.next[axis] *= share.next;
+            coarse.leak += weight * share.lost;
+            for across in [(axis + 1) % 3, (axis + 2) % 3] {
+                self.divide(fine, next, |share| share.previous, across, strides[across], &mut coarse);
+            }
         }
         if has_previous {
-            coarse.leak += fine.weight(axis, previous) * self.shares[previous].lost;
-        }
-        for across in (0..3).filter(|&across| across != axis) {
-            let stride = strides[across];
-            let mut sum = fine.weight(across, own);
-            let mut divide = |node: usize, share: fn(&Share) -> f32| {
-                let of = |node: usize| share(&self.shares[node]);
-                // What two eliminated neighbours do not both take from here couples to neither.
-                let (own, with_after) = (of(node), of(node).min(of(node + stride)));
-                let with_before = own.min(of(node - stride));
-                sum += fine.weight(across, node) * with_after;
-                coarse.leak += fine.weight(across, node) * (own - with_after);
-                coarse.leak += fine.weight(across, node - stride) * (own - with_before);
-            };
-            if has_next {
-                divide(next, |share| share.previous);
-            }
-            if has_previous {
-                divide(previous, |share| share.next);
-            }
-            coarse.next[across] = sum;
-        }
-        let index = self.coarse.index(at);
-        let before = std::mem::replace(&mut self.coarse.nodes[index], coarse);
-        if before != coarse {
-            self.note(at);
-        }
-        // A weight is as much the next node's.
-        for axis in 0..3 {
-            if before.next[axis] != coarse.next[axis] {
-                let mut next = at;
-                next[axis] += 1;
-                self.note(next);
+            coarse.leak += fine.nodes[previous].next[axis] * self.shares[previous].lost;
+            for across in [(axis + 1) % 3, (axis + 2) % 3] {
+                self.divide(fine, previous, |share| share.next, across, strides[across], &mut coarse);
             }
         }
+        coarse
+    }
+
+    /// Takes the part of a coarse node in the weights across the axis of an eliminated neighbour. What two eliminated
+    /// neighbours do not both take from here couples to neither.
+    #[inline]
+    fn divide(
+        &self,
+        fine: &Network,
+        node: usize,
+        share: impl Fn(&Share) -> f32,
+        across: usize,
+        stride: usize,
+        coarse: &mut Node,
+    ) {
+        let own = share(&self.shares[node]);
+        let with_after = own.min(share(&self.shares[node + stride]));
+        let with_before = own.min(share(&self.shares[node - stride]));
+        let (after, before) = (fine.nodes[node].next[across], fine.nodes[node - stride].next[across]);
+        coarse.next[across] += after * with_after;
+        coarse.leak += after * (own - with_after) + before * (own - with_before);
+    }
+}
+
+/// The smallest and one more than the largest of some numbers.
+#[derive(Clone, Copy, Debug)]
+struct Interval(usize, usize);
+
+impl Interval {
+    const EMPTY: Self = Self(usize::MAX, 0);
+
+    fn add(&mut self, i: usize) {
+        *self = Self(self.0.min(i), self.1.max(i + 1));
+    }
+
+    fn range(self) -> Range<usize> {
+        self.0.min(self.1)..self.1
     }
 }

@@ -78,8 +78,8 @@ impl Piece<'_, f32> {
         let r = S::as_mut_simd_f32s(r).0;
         let n = r.len();
         let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
-        for i in 0..n {
-            r[i] = simd.mul_f32s(factor, sum_of_six_single(simd, &w, &v, i));
+        for (i, r) in r.iter_mut().enumerate() {
+            *r = simd.mul_f32s(factor, sum_of_six_single(simd, &w, &v, i));
         }
     }
 }

@@ -353,7 +353,7 @@ impl Prolongation<'_> {
             for &column in self.fine.active {
                 for parity in 0..2 {
                     // What is written beyond the end of a row is overwritten by the rows that follow.
-                    let (part, start) = thick.row(fine, j, parity, column);
+                    let (part, start) = thick.row(&fine, j, parity, column);
                     let to = &mut thick.values[part][start..start + half];
                     let nodes = parity * thin.half + BLOCK..parity * thin.half + BLOCK + half;
                     let before = &thin.row(coarse_row, column)[nodes.start..nodes.end];

@@ -1,0 +1,149 @@
+//! What changed couplings can do to capacitances at most, without solving: frames that cannot matter are not solved.
+//!
+//! The energy of the old fields with the new couplings bounds C_ss from above (Dirichlet's principle). The old currents,
+//! led along the new couplings so that they still balance at every free node, bound it from below (Thomson's principle).
+//! The gap between the two is Σ (i - w Δφ)²/w over the changed couplings: the currents i that the old fields drove against
+//! those that they would drive now. What the old fields lacked to the solution, in the norm of the energy, adds to it.
+
+/// One edge with its coupling, as one column sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EdgeFields {
+    pub(crate) through: f64,
+    pub(crate) links: [f64; 2],
+    /// Potentials of the ends, and of the objects that links lead to.
+    pub(crate) ends: [f64; 2],
+    pub(crate) objects: [f64; 2],
+}
+
+/// Upper bounds, kept from one solve to the next.
+#[derive(Clone, Debug)]
+pub(crate) struct Bracket {
+    columns: usize,
+    /// XᵀKX of the fields as they are.
+    pub(super) energies: Vec<f64>,
+    /// By how much the energy of each column may exceed that of the solution.
+    pub(super) gap: Vec<f64>,
+    /// Sum over the changes under way, and the factor by which they weaken couplings at most.
+    added: Vec<f64>,
+    weakened: f64,
+    /// Whether no bound is known.
+    pub(crate) is_lost: bool,
+}
+
+impl Bracket {
+    pub(crate) fn new(columns: usize) -> Self {
+        Self {
+            columns,
+            energies: vec![0.0; columns * columns],
+            gap: vec![0.0; columns],
+            added: vec![0.0; columns],
+            weakened: 1.0,
+            is_lost: true,
+        }
+    }
+
+    /// Takes over the energies and gaps after a solve.
+    pub(crate) fn reset(&mut self, energies: &[f64], relative_errors: impl Iterator<Item = f64>) {
+        self.energies.copy_from_slice(energies);
+        for (column, (gap, error)) in self.gap.iter_mut().zip(relative_errors).enumerate() {
+            *gap = error * energies[column * self.columns + column];
+        }
+        self.added.fill(0.0);
+        self.is_lost = false;
+    }
+
+    pub(crate) fn start_changes(&mut self) {
+        self.added.fill(0.0);
+        self.weakened = 1.0;
+    }
+
+    /// Takes one changed edge of base weight `weight`, before and after, column by column. `free` tells which ends are
+    /// free now.
+    pub(crate) fn change(
+        &mut self,
+        weight: f64,
+        before: &[EdgeFields],
+        after: &[EdgeFields],
+        free: [bool; 2],
+    ) {
+        for (column, (before, after)) in before.iter().zip(after).enumerate() {
+            match gap(before, after, free) {
+                Some(gap) => self.added[column] += weight * gap,
+                None => self.is_lost = true,
+            }
+        }
+        if let (Some(before), Some(after)) = (before.first(), after.first()) {
+            self.weakened = self.weakened.max(weakening(before, after, free));
+        }
+        for s in 0..self.columns {
+            for t in 0..self.columns {
+                let change = energy(&after[s], &after[t]) - energy(&before[s], &before[t]);
+                self.energies[s * self.columns + t] += weight * change;
+            }
+        }
+    }
+
+    /// All changes of a frame have been taken.
+    pub(crate) fn finish_changes(&mut self) {
+        for (gap, added) in self.gap.iter_mut().zip(&self.added) {
+            *gap = (added.sqrt() + (self.weakened * *gap).sqrt()).powi(2);
+        }
+    }
+
+    /// Whether the gap of a column still is, or with what was taken so far will be, below a part of its energy.
+    pub(crate) fn is_below(&self, column: usize, tolerance: f64) -> bool {
+        let energy = self.energies[column * self.columns + column];
+        let gap = self.gap[column].max(self.added[column]);
+        !self.is_lost && (gap <= tolerance * energy || energy <= 0.0 && gap == 0.0)
+    }
+
+    /// The largest gap in relation to the energy.
+    pub(crate) fn relative_error(&self) -> f64 {
+        (0..self.columns)
+            .map(|column| (self.gap[column], self.energies[column * self.columns + column]))
+            .filter(|(_, energy)| *energy > 0.0)
+            .map(|(gap, energy)| gap / energy)
+            .fold(0.0, f64::max)
+    }
+}
+
+/// Currents out of either end, through and along the link, for a weight of one.
+fn currents(edge: &EdgeFields) -> [f64; 2] {
+    let through = edge.through * (edge.ends[0] - edge.ends[1]);
+    let along = |end: usize| edge.links[end] * (edge.ends[end] - edge.objects[end]);
+    [through + along(0), along(1) - through]
+}
+
+fn energy(s: &EdgeFields, t: &EdgeFields) -> f64 {
+    let along = |end: usize| s.links[end] * (s.ends[end] - s.objects[end]) * (t.ends[end] - t.objects[end]);
+    s.through * (s.ends[0] - s.ends[1]) * (t.ends[0] - t.ends[1]) + along(0) + along(1)
+}
+
+/// Σ (i - w Δφ)²/w with the old currents led along the new coupling; `None` when there is no way for them.
+fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> {
+    /// Currents that cancel to this part of them cancel.
+    const ROUNDING: f64 = 1e-10;
+    let (old, new) = (currents(before), currents(after));
+    let excess: [f64; 2] = std::array::from_fn(|end| if free[end] { old[end] - new[end] } else { 0.0 });
+    let over = |current: f64, weight: f64| match weight {
+        _ if current == 0.0 => Some(0.0),
+        weight if weight > 0.0 => Some(current * current / weight),
+        _ => None,
+    };
+    if after.links != [0.0; 2] || after.through == 0.0 {
+        return Some(over(excess[0], after.links[0])? + over(excess[1], after.links[1])?);
+    }
+    let size = old[0].abs() + old[1].abs() + new[0].abs() + new[1].abs();
+    match free {
+        [true, true] if (excess[0] + excess[1]).abs() > ROUNDING * size => None,
+        [true, _] => over(excess[0], after.through),
+        [false, _] => over(excess[1], after.through),
+    }
+}
+
+/// By what factor errors of the old currents weigh more now.
+fn weakening(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> f64 {
+    let ratio = |old: f64, new: f64| if old > 0.0 && new > 0.0 { old / new } else { 1.0 };
+    let along = |end: usize| if free[end] { ratio(before.links[end], after.links[end]) } else { 1.0 };
+    ratio(before.through, after.through).max(along(0)).max(along(1)).max(1.0)
+}

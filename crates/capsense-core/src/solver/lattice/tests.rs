@@ -1,0 +1,207 @@
+//! The solver on a small graded lattice with a thin plate that moves through it.
+
+use super::LatticeSolver;
+use super::layout::{BLACK, RED};
+use crate::geometry::Aabb;
+use crate::material::{Connection, Material, RelativePermittivity};
+use crate::mesh::Lattice;
+use crate::occupancy::{DepthLayers, EdgeGeometry, NO_OBJECT, Occupancy, OrthographicView};
+use crate::sensor::{FREE, GROUND};
+use crate::solver::operator::Operator;
+use crate::solver::workers::Workers;
+use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
+use glam::{DVec2, DVec3};
+
+const DOMAIN: Aabb = Aabb { min: DVec3::ZERO, max: DVec3::ONE };
+const COLUMNS: usize = 3;
+
+/// Grounded walls, a grounded plate and a dielectric one, and fields without a pattern.
+struct Scene {
+    nodes: Vec<DVec3>,
+    terminals: Vec<u16>,
+    matrix: StiffnessMatrix,
+    occupancy: Occupancy,
+    fixed: Vec<bool>,
+    solver: LatticeSolver,
+}
+
+/// Numbers between -1/2 and 1/2 without a pattern.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 31) - 0.5
+    }
+}
+
+impl Scene {
+    fn new() -> Self {
+        let axis = |planes: usize, low: usize| -> Vec<f64> {
+            let last = planes - 1;
+            (0..planes).map(|i| ((i * (i + low)) as f64) / (last * (last + low)) as f64).collect()
+        };
+        let lattice = Lattice::new([axis(23, 3), axis(18, 5), axis(21, 2)]).unwrap();
+        let mesh = lattice.to_tet_mesh().unwrap();
+        let network = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+        let on_wall = |p: &DVec3| p.min_element() == 0.0 || p.max_element() == 1.0;
+        let terminals: Vec<u16> =
+            mesh.nodes().iter().map(|p| if on_wall(p) { GROUND } else { FREE }).collect();
+        let fixed: Vec<bool> = terminals.iter().map(|&terminal| terminal != FREE).collect();
+        let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
+        let matrix = StiffnessMatrix::new(network, mesh.nodes().len());
+        let mut solver = LatticeSolver::new(&lattice, COLUMNS, 2, &fixed, Workers::default());
+        let mut next = noise(7);
+        for (node, _) in fixed.iter().enumerate().filter(|(_, fixed)| !**fixed) {
+            (0..COLUMNS).for_each(|column| solver.set_potential(column, node, next()));
+        }
+        let mut scene = Self { nodes: mesh.nodes().to_vec(), terminals, matrix, occupancy, fixed, solver };
+        scene.refresh();
+        scene
+    }
+
+    /// Plates between the heights 0.3 and 0.36, and 0.5 and 0.7, cover parts of the view.
+    fn step(&mut self, corner: f64) {
+        let mut depth = DepthLayers::empty(OrthographicView { domain: DOMAIN, width: 32, height: 32 }, 2);
+        let view = *depth.view();
+        for (object, heights) in [(0, (0.3, 0.36)), (1, (0.5, 0.7))] {
+            let (front, back) = depth.layer_mut(object);
+            for pixel in 0..32 * 32 {
+                let from_corner = view.pixel_centre(pixel % 32, pixel / 32) - DVec2::new(corner, 0.3);
+                if from_corner.min_element() > 0.0 && from_corner.max_element() < 0.1 {
+                    (front[pixel], back[pixel]) = heights;
+                }
+            }
+        }
+        let network = self.matrix.network();
+        let mesh = EdgeGeometry {
+            nodes: &self.nodes,
+            terminals: &self.terminals,
+            edges: network.edges(),
+            permittivity: network.permittivity(),
+        };
+        let plastic = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
+        let materials = [Material::Conductor(Connection::Grounded), plastic];
+        self.occupancy.update(mesh, &materials, &depth);
+        self.matrix.update(&self.occupancy);
+        self.refresh();
+    }
+
+    fn refresh(&mut self) {
+        let conductors = self.occupancy.conductors();
+        for &node in self.occupancy.changed_nodes() {
+            let is_held = conductors[node as usize] != NO_OBJECT;
+            self.fixed[node as usize] = is_held;
+            if is_held {
+                (0..COLUMNS).for_each(|column| self.solver.set_potential(column, node as usize, 0.0));
+            }
+        }
+        let changed: Vec<u32> =
+            self.matrix.changed_rows().iter().chain(self.occupancy.changed_nodes()).copied().collect();
+        self.solver.refresh(&self.matrix, &self.fixed, &changed);
+    }
+
+    /// Puts noise in place of the residuals and returns it with what the cycle makes of it: column by column.
+    fn precondition(&mut self, seed: u64) -> [Vec<Vec<f64>>; 2] {
+        let mut next = noise(seed);
+        let free: Vec<usize> = (0..self.nodes.len()).filter(|&node| !self.fixed[node]).collect();
+        for (column, &node) in (0..COLUMNS).flat_map(|column| free.iter().map(move |node| (column, node))) {
+            let (colour, at) = self.solver.place(column, node);
+            self.solver.hierarchy.levels[0].b[colour][at] = next() as f32;
+        }
+        let _ = self.solver.precondition(&[true; COLUMNS]);
+        let level = &self.solver.hierarchy.levels[0];
+        [&level.b, &level.x].map(|of| {
+            let value = |column, node| {
+                let (colour, at) = self.solver.place(column, node);
+                f64::from(of[colour][at])
+            };
+            (0..COLUMNS).map(|column| free.iter().map(|&node| value(column, node)).collect()).collect()
+        })
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[test]
+fn refreshing_what_changed_gives_the_bits_of_a_fresh_hierarchy() {
+    let mut moving = Scene::new();
+    for corner in [0.1, 0.12, 0.4, 0.44, 0.5, 0.52, 0.33] {
+        moving.step(corner);
+    }
+    let mut fresh = Scene::new();
+    fresh.step(0.33);
+    let levels = moving.solver.hierarchy.levels.iter().zip(&fresh.solver.hierarchy.levels);
+    for (depth, (a, b)) in levels.enumerate() {
+        assert_eq!(a.stencil.next, b.stencil.next, "level {depth}");
+        assert_eq!(a.stencil.centre, b.stencil.centre, "level {depth}");
+    }
+    assert_eq!(moving.precondition(3), fresh.precondition(3));
+}
+
+#[test]
+fn the_residual_of_changed_rows_has_the_bits_of_one_computed_everywhere() {
+    let mut scene = Scene::new();
+    scene.solver.evaluate();
+    for corner in [0.1, 0.12, 0.4, 0.44] {
+        scene.step(corner);
+        let incremental = scene.solver.hierarchy.levels[0].b.clone();
+        scene.solver.evaluate();
+        assert_eq!(incremental, scene.solver.hierarchy.levels[0].b, "{corner}");
+    }
+}
+
+#[test]
+fn energies_are_those_of_the_assembled_matrix() {
+    let mut scene = Scene::new();
+    scene.step(0.2);
+    scene.solver.evaluate();
+    let matrix = scene.matrix.to_csr();
+    let field = |column| -> Vec<f64> {
+        (0..scene.nodes.len()).map(|node| scene.solver.potential(column, node)).collect()
+    };
+    let fields: Vec<Vec<f64>> = (0..COLUMNS).map(field).collect();
+    for (s, t) in (0..COLUMNS).flat_map(|s| (0..COLUMNS).map(move |t| (s, t))) {
+        let applied: f64 =
+            matrix.triplet_iter().map(|(i, j, value)| fields[s][i] * value * fields[t][j]).sum();
+        let energy = scene.solver.state().energies[s * COLUMNS + t];
+        let scale = scene.solver.state().energies[s * COLUMNS + s].abs();
+        assert!((energy - applied).abs() < 1e-12 * scale, "{s} {t}: {energy} {applied}");
+    }
+}
+
+#[test]
+fn the_cycle_is_symmetric_and_positive() {
+    let mut scene = Scene::new();
+    scene.step(0.2);
+    let [a, of_a] = scene.precondition(1);
+    let [b, of_b] = scene.precondition(2);
+    for column in 0..COLUMNS {
+        let (a_a, b_b) = (dot(&a[column], &of_a[column]), dot(&b[column], &of_b[column]));
+        let (b_of_a, a_of_b) = (dot(&b[column], &of_a[column]), dot(&a[column], &of_b[column]));
+        assert!(a_a > 0.0 && b_b > 0.0);
+        assert!((b_of_a - a_of_b).abs() < 1e-5 * (a_a * b_b).sqrt(), "{b_of_a} {a_of_b}");
+    }
+}
+
+/// Padding must stay zero: a node at the end of a row meets nodes of other rows with the weight zero only.
+#[test]
+fn nothing_is_written_where_no_free_node_is() {
+    let mut scene = Scene::new();
+    scene.step(0.2);
+    let _ = scene.precondition(5);
+    let level = &scene.solver.hierarchy.levels[0];
+    let mut free = [RED, BLACK].map(|colour| vec![false; level.x[colour].len()]);
+    for node in (0..scene.nodes.len()).filter(|&node| !scene.fixed[node]) {
+        for column in 0..COLUMNS {
+            let (colour, at) = scene.solver.place(column, node);
+            free[colour][at] = true;
+        }
+    }
+    for colour in [RED, BLACK] {
+        for (x, free) in level.x[colour].iter().zip(&free[colour]) {
+            assert!(*free || *x == 0.0);
+        }
+    }
+}
