@@ -77,7 +77,7 @@ impl ThinPlane {
     /// Where the node before another is. There is room before the first.
     #[inline(always)]
     pub(super) fn place_before(&self, node: usize) -> usize {
-        if node % 2 == 0 { self.place(node + 1) - 1 } else { self.place(node - 1) }
+        if node.is_multiple_of(2) { self.place(node + 1) - 1 } else { self.place(node - 1) }
     }
 
     /// A row: even nodes, then odd ones.

@@ -173,7 +173,8 @@ impl WithSimd for Products<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let mut charges = vec![0.0; self.layout.plane + 2 * BLOCK];
+        let len = if matches!(self.with, Factor::Charges) { self.finest.stencil.layout.plane } else { 0 };
+        let mut charges = vec![0.0; len];
         for step in self.part.steps(1) {
             let Some(k) = self.part.plane(0, step) else { continue };
             match self.with {
