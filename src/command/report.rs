@@ -43,6 +43,7 @@ struct Method<'a> {
 struct Solver {
     preconditioner: &'static str,
     tolerance: f64,
+    /// As asked for; 0: all cores.
     threads: usize,
     /// Frames that needed no solution because nothing that matters had changed; the others' iterations follow.
     frames_skipped: usize,
@@ -115,7 +116,7 @@ impl<'a> Report<'a> {
             solver: Solver {
                 preconditioner: preconditioner_name(pipeline),
                 tolerance: scene.solver.tolerance,
-                threads: 1,
+                threads: scene.threads,
                 frames_skipped: frames.len() - iterations.len(),
                 iterations_median: percentile(&iterations, 0.5),
                 iterations_max: percentile(&iterations, 1.0),

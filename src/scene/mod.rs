@@ -189,6 +189,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         Some(RawPreconditioner::None) => Preconditioner::None,
         None => defaults.preconditioner,
     };
+    let threads = check.count("solver.threads", raw.solver.threads.unwrap_or(0), 0, 1024)?;
     Ok(Scene {
         source: check.source.clone(),
         domain,
@@ -199,8 +200,13 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         objects,
         frame_rate,
         frames,
-        solver: SolverOptions { tolerance, preconditioner, ..defaults },
-        threads: check.count("solver.threads", raw.solver.threads.unwrap_or(0), 0, 1024)?,
+        solver: SolverOptions {
+            tolerance,
+            preconditioner,
+            threads: (threads > 0).then_some(threads),
+            ..defaults
+        },
+        threads,
         warnings,
     })
 }
