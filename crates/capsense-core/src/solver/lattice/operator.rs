@@ -40,7 +40,7 @@ impl Operator for LatticeSolver {
             .iter()
             .zip(b)
             .zip(&self.scale)
-            .map(|((&a, &b), &scale)| if a == 0.0 { 0.0 } else { b * scale / a })
+            .map(|((&a, &b), &scale)| if a == 0.0 || b == 0.0 { 0.0 } else { b * scale / a })
             .collect();
         self.scale.copy_from_slice(a);
         if beta.iter().all(|&beta| beta == 0.0) {
