@@ -127,7 +127,13 @@ impl FieldSolver {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, base, options),
             Vectors::Csr(fields) => improve(fields, lost, iteration, base, options),
         });
-        let report = report.inspect_err(|_| self.iteration.forget())?;
+        if report.is_err() {
+            self.iteration.forget();
+            if let Vectors::Lattice(fields) = &mut self.vectors {
+                fields.clear();
+            }
+        }
+        let report = report?;
         let energies = match &self.vectors {
             Vectors::Lattice(fields) => &fields.state().energies,
             Vectors::Csr(fields) => &fields.state().energies,

@@ -19,6 +19,10 @@ pub(super) struct ThinPlane {
 }
 
 impl ThickPlane {
+    pub(super) fn clear(&mut self) {
+        self.values.iter_mut().for_each(|values| values.fill(0.0));
+    }
+
     /// For vectors of a level.
     pub(super) fn zeros(layout: &Layout) -> Self {
         let Layout { counts, columns, plane, .. } = layout;
@@ -62,6 +66,10 @@ impl ThickPlane {
 }
 
 impl ThinPlane {
+    pub(super) fn clear(&mut self) {
+        self.values.fill(0.0);
+    }
+
     /// For vectors of a level with so many coarse rows.
     pub(super) fn zeros(layout: &Layout, rows: usize) -> Self {
         let (half, columns) = (half_row(layout.counts[0]), layout.columns);

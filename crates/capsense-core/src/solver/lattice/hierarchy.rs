@@ -81,6 +81,15 @@ impl Hierarchy {
         }
     }
 
+    /// Zeros in all vectors, after numbers that were not finite: padding must not keep them.
+    pub(super) fn clear(&mut self) {
+        for level in &mut self.levels {
+            level.b.iter_mut().chain(&mut level.x).for_each(|values| values.fill(0.0));
+            level.r.fill(0.0);
+        }
+        self.transfers.iter_mut().for_each(Transfer::clear);
+    }
+
     /// Takes over the matrix and the fixed rows where they changed. `changed` must hold all nodes whose row or state
     /// changed.
     pub(super) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {

@@ -147,6 +147,14 @@ impl LatticeSolver {
         }
     }
 
+    /// Zero fields, after a solve that failed: nothing of it may be left, padding included.
+    pub(crate) fn clear(&mut self) {
+        self.x.iter_mut().for_each(|values| values.fill(0.0));
+        self.p.iter_mut().for_each(|values| values.fill(0.0));
+        self.scale.fill(0.0);
+        self.hierarchy.clear();
+    }
+
     /// Finds the bodies of very high permittivity, which need a direction of their own.
     pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
         self.islands.find(matrix, occupancy, fixed);

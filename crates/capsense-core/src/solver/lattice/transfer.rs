@@ -54,6 +54,15 @@ struct Segment {
 }
 
 impl Transfer {
+    /// Zeros everywhere, after numbers that were not finite.
+    pub(super) fn clear(&mut self) {
+        for Between { thick, thin, row, .. } in &mut self.between {
+            thick.iter_mut().for_each(ThickPlane::clear);
+            thin.clear();
+            row.fill(0.0);
+        }
+    }
+
     /// Keeps those planes across x, y and z for which `kept` holds. Returns the counts of the coarse level too.
     pub(super) fn new(fine: &Level, kept: &[Vec<bool>; 3], threads: usize) -> (Self, [usize; 3]) {
         let mut coarse = fine.layout.counts;
