@@ -1,33 +1,59 @@
 //! How much of the energy, and so of each terminal's self-capacitance, the iteration still has to shed.
 //!
 //! Step k of the conjugate gradients lowers the energy φᵀKφ of a column by the drop d_k = α_k (r_k·z_k), Hestenes and
-//! Stiefel 1952; the drops still to come are the error (Strakoš and Tichý 2002). A step is at least as good as one of
-//! steepest descent, which leaves at most the part ρ² of the error with ρ = (κ-1)/(κ+1) and κ the condition number of
-//! the preconditioned matrix. So after the step the error is at most d_k ρ²/(1-ρ²).
+//! Stiefel 1952; the drops still to come are the error (Strakoš and Tichý 2002). What is still to come after a step, in
+//! relation to its drop, is much the same in all solves with one preconditioner. So solves that are long enough to show
+//! it teach what to expect of those that stop after a step or two. A bound from the condition number would be safe
+//! without experience, but ten to fifty times too large: errors of a warm start are not the worst for the preconditioner.
 
-/// How many steps are remembered.
-const REMEMBERED: usize = 12;
+/// How many steps are remembered, and how many slow convergence is judged by.
+const REMEMBERED: usize = 32;
+const WINDOW: usize = 12;
 
-/// What a short iteration shows of κ - 1 may fall short by this factor.
-const CAUTION: f64 = 2.5;
+/// What solves have shown may fall short by this factor.
+const CAUTION: f64 = 3.0;
 
-/// Every so many solves the iteration is made long enough to show whether the condition number has changed.
+/// The first solves, and every so many after them, are made long enough to learn from.
+const FIRST_TO_LEARN: u32 = 4;
 const LEARN_EVERY: u32 = 16;
 
-/// What remains of κ - 1 from earlier solves after one to learn from.
+/// Steps that a solve takes at least to learn from, and the part of the tolerance that it goes on to: slow directions of
+/// little energy show late. More than so many it does not take for that.
+const LEARNING_STEPS: std::ops::Range<usize> = 3..8;
+const LEARNING_TOLERANCE: f64 = 0.03;
+
+/// What remains of the largest share seen so far when a solve was made to learn from.
 const FADING: f64 = 0.8;
 
-/// Steps that a solve takes at least when it is to show the condition number.
-const LEARNING_STEPS: usize = 3;
+/// The first step meets what the scene did, later ones what the steps before them left over.
+const KINDS_OF_STEPS: usize = 3;
+
+/// Two drops tell a share well enough if the unknown rest is no more than this part of it.
+const KNOWN: f64 = 0.5;
+
+/// A first step that drops more than this part of the energy is not after a motion like others: a second one must show
+/// how fast the drops fall.
+const SMALL_MOTION: f64 = 3e-3;
+
+/// A step that hardly drops less than the one before is taken to have so many more ahead.
+const SLOWEST: f64 = 0.95;
 
 /// How the error is told from the steps taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum ErrorRule {
-    /// Slow, uneven convergence: the sum of the remembered drops is the error before them, and an upper estimate of the
-    /// error now when as many steps at least halve it.
+    /// Slow, uneven convergence: the sum of the last drops is the error before them, and an upper estimate of the error
+    /// now when as many steps at least halve it.
     Window,
-    /// Fast, even convergence: from the last drop and the largest condition number that any solve has shown.
-    Spectrum { condition: Option<f64>, solves: u32 },
+    /// Fast, even convergence: from the last drop and what steps of its kind left to do in other solves.
+    Experience(Experience),
+}
+
+/// What solves have shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Experience {
+    /// Of each kind of step the largest share that was left after it, in relation to its drop; it fades.
+    shares: [Option<f64>; KINDS_OF_STEPS],
+    solves: u32,
 }
 
 /// Energies and steps of all columns in one solve, and what solves before it have shown.
@@ -40,18 +66,11 @@ pub(super) struct EnergyError {
     /// How many steps each column has taken; those that are done take no more.
     taken: Vec<usize>,
     count: usize,
-    /// Whether all lengths so far were computed: only then do steps show the spectrum.
-    exact: bool,
-    /// The condition number that this solve has shown so far, with caution.
-    shown: f64,
 }
 
 /// What one column did in one iteration.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Step {
-    /// The best length of the step and the r·z before it.
-    pub(super) alpha: f64,
-    pub(super) rz: f64,
     /// By how much a step of the best length lowers the energy, how much less this one did, and what it was lowered to.
     pub(super) drop: f64,
     pub(super) excess: f64,
@@ -61,14 +80,14 @@ pub(super) struct Step {
 impl EnergyError {
     pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
         let steps = vec![Step::default(); REMEMBERED * columns];
-        Self { rule, columns, steps, taken: vec![0; columns], count: 0, exact: true, shown: 1.0 }
+        Self { rule, columns, steps, taken: vec![0; columns], count: 0 }
     }
 
     /// Begins a solve.
     pub(super) fn start(&mut self) {
         self.steps.fill(Step::default());
         self.taken.fill(0);
-        (self.count, self.exact, self.shown) = (0, true, 1.0);
+        self.count = 0;
     }
 
     /// Takes one column's part in the iteration under way.
@@ -78,24 +97,19 @@ impl EnergyError {
     }
 
     /// All columns have taken their steps.
-    pub(super) fn advance(&mut self, exact: bool) {
+    pub(super) fn advance(&mut self) {
         self.count += 1;
-        self.exact &= exact;
-        if let ErrorRule::Spectrum { condition, .. } = &mut self.rule
-            && self.exact
-            && (2..=REMEMBERED).contains(&self.count)
-        {
-            let columns = self.steps.chunks_exact(REMEMBERED);
-            let seen = columns.filter_map(|steps| condition_number(&steps[..self.count])).fold(1.0, f64::max);
-            self.shown = 1.0 + CAUTION * (seen - 1.0);
-            *condition = Some(condition.unwrap_or(1.0).max(self.shown));
-        }
     }
 
     /// Whether one column's estimated relative error is below a tolerance.
     pub(super) fn is_below(&self, column: usize, tolerance: f64) -> bool {
-        let enough = !self.is_learning() || self.count >= LEARNING_STEPS;
-        enough && self.relative(column).is_some_and(|relative| relative <= tolerance)
+        match self.rule {
+            ErrorRule::Experience(_) if self.is_learning() && self.count < LEARNING_STEPS.end => {
+                self.count >= LEARNING_STEPS.start
+                    && self.is_estimated_below(column, LEARNING_TOLERANCE * tolerance)
+            }
+            _ => self.is_estimated_below(column, tolerance),
+        }
     }
 
     /// The same, however few steps there were.
@@ -103,19 +117,19 @@ impl EnergyError {
         self.relative(column).is_some_and(|relative| relative <= tolerance)
     }
 
-    /// Forgets what solves have shown.
+    /// Learns anew, after a solve that failed. What solves before it have shown is not worse for that.
     pub(super) fn forget(&mut self) {
-        if let ErrorRule::Spectrum { condition, solves } = &mut self.rule {
-            (*condition, *solves) = (None, 0);
+        if let ErrorRule::Experience(experience) = &mut self.rule {
+            experience.solves = 0;
         }
     }
 
-    /// Whether this solve is to show the condition number.
+    /// Whether this solve is one to learn from.
     pub(super) fn is_learning(&self) -> bool {
         match self.rule {
             ErrorRule::Window => true,
-            ErrorRule::Spectrum { condition, solves } => {
-                condition.is_none() || solves.is_multiple_of(LEARN_EVERY)
+            ErrorRule::Experience(Experience { solves, .. }) => {
+                solves < FIRST_TO_LEARN || solves.is_multiple_of(LEARN_EVERY)
             }
         }
     }
@@ -130,12 +144,16 @@ impl EnergyError {
             return Some(0.0);
         }
         let to_come = match self.rule {
-            ErrorRule::Window if taken < REMEMBERED => return None,
-            ErrorRule::Window => steps.iter().map(|step| step.drop).sum::<f64>(),
-            ErrorRule::Spectrum { condition, .. } => {
-                let condition = condition?;
-                let left = ((condition - 1.0) / (condition + 1.0)).powi(2);
-                last.drop * left / (1.0 - left)
+            ErrorRule::Window if taken < WINDOW => return None,
+            ErrorRule::Window => {
+                (taken - WINDOW..taken).map(|step| steps[step % REMEMBERED].drop).sum::<f64>()
+            }
+            ErrorRule::Experience(experience) => {
+                if taken < 2 && last.drop > SMALL_MOTION * last.energy {
+                    return None;
+                }
+                let expected = experience.share(taken.saturating_sub(1)).map(|share| CAUTION * share);
+                last.drop * larger(expected, trend(steps, taken))?
             }
         };
         Some((to_come + last.excess) / last.energy)
@@ -146,105 +164,152 @@ impl EnergyError {
         (0..self.columns).map(|column| self.relative(column).unwrap_or(1.0)).fold(0.0, f64::max)
     }
 
-    /// Ends a solve. Solves that were made long enough to learn from let what earlier ones had shown fade, so that one
-    /// bad scene does not burden all that follow.
+    /// Ends a solve.
     pub(super) fn finish(&mut self) {
-        let learning = self.is_learning();
-        if let ErrorRule::Spectrum { condition, solves } = &mut self.rule {
-            if let Some(known) = condition.filter(|_| learning && self.count >= LEARNING_STEPS) {
-                *condition = Some((1.0 + FADING * (known - 1.0)).max(self.shown));
+        let fading = if self.is_learning() { FADING } else { 1.0 };
+        if let ErrorRule::Experience(experience) = &mut self.rule {
+            experience.solves = experience.solves.saturating_add(1);
+            let mut seen = [None; KINDS_OF_STEPS];
+            for (steps, &taken) in self.steps.chunks_exact(REMEMBERED).zip(&self.taken) {
+                experience.look_at(steps, taken, &mut seen);
             }
-            *solves = solves.wrapping_add(1);
+            experience.learn(seen, fading);
         }
     }
 }
 
-/// The condition number that the steps of one column show: the ratio of the extreme eigenvalues of the Lanczos matrix
-/// with diagonal 1/α_k + β_{k-1}/α_{k-1} and off-diagonal √β_k/α_k, β_k the ratio of successive r·z.
-fn condition_number(steps: &[Step]) -> Option<f64> {
-    let mut diagonal = [0.0; REMEMBERED];
-    let mut off_diagonal = [0.0; REMEMBERED];
-    let used = steps.iter().take_while(|step| step.alpha > 0.0 && step.rz > 0.0).count();
-    if used < 2 {
-        return None;
+impl Experience {
+    /// The share that is left after a step, counted from zero. Steps of a kind that was not seen yet are taken for such
+    /// as come before them.
+    fn share(&self, step: usize) -> Option<f64> {
+        let kinds = &self.shares[..=step.min(KINDS_OF_STEPS - 1)];
+        kinds.iter().rev().find_map(|share| *share)
     }
-    for k in 0..used {
-        let alpha = steps[k].alpha;
-        diagonal[k] += 1.0 / alpha;
-        if k + 1 < used {
-            let beta = steps[k + 1].rz / steps[k].rz;
-            off_diagonal[k] = beta.sqrt() / alpha;
-            diagonal[k + 1] += beta / alpha;
+
+    /// Raises the shares seen in this solve to those of one column.
+    fn look_at(&self, steps: &[Step], taken: usize, seen: &mut [Option<f64>; KINDS_OF_STEPS]) {
+        let Some(last) = larger(self.share(taken.saturating_sub(1)), trend(steps, taken)) else { return };
+        let drop = |step: usize| steps[step % REMEMBERED].drop;
+        let rest = last * drop(taken.saturating_sub(1));
+        let mut later = 0.0;
+        for step in (taken.saturating_sub(REMEMBERED)..taken.saturating_sub(1)).rev() {
+            later += drop(step + 1);
+            if rest <= KNOWN * later && drop(step) > 0.0 {
+                let kind = &mut seen[step.min(KINDS_OF_STEPS - 1)];
+                *kind = larger(*kind, Some((later + rest) / drop(step)));
+            }
         }
     }
-    let smallest = eigenvalue(&diagonal[..used], &off_diagonal, 1);
-    let largest = eigenvalue(&diagonal[..used], &off_diagonal, used);
-    Some(largest / smallest).filter(|ratio| ratio.is_finite() && *ratio >= 1.0)
+
+    fn learn(&mut self, seen: [Option<f64>; KINDS_OF_STEPS], fading: f64) {
+        for (share, seen) in self.shares.iter_mut().zip(seen) {
+            if seen.is_some() {
+                *share = larger(share.map(|share| fading * share), seen);
+            }
+        }
+    }
 }
 
-/// The eigenvalue of a symmetric positive definite tridiagonal matrix that has `rank - 1` smaller ones, by bisection on
-/// the number of negative pivots.
-fn eigenvalue(diagonal: &[f64], off_diagonal: &[f64], rank: usize) -> f64 {
-    let bound = diagonal.iter().sum::<f64>();
-    let (mut low, mut high) = (0.0, bound);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        let (mut below, mut pivot) = (0, 1.0);
-        for (k, diagonal) in diagonal.iter().enumerate() {
-            let coupling = if k == 0 { 0.0 } else { off_diagonal[k - 1] * off_diagonal[k - 1] };
-            pivot = diagonal - middle - coupling / pivot;
-            below += usize::from(pivot < 0.0);
-        }
-        if below >= rank { high = middle } else { low = middle }
+/// The larger of what is known.
+fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.max(b)),
+        _ => a.or(b),
     }
-    0.5 * (low + high)
+}
+
+/// The share that is left after the last step if drops go on to fall as they did with it.
+fn trend(steps: &[Step], taken: usize) -> Option<f64> {
+    let drop = |step: usize| steps[step % REMEMBERED].drop;
+    let [before, last] = [drop(taken.checked_sub(2)?), drop(taken - 1)];
+    let ratio = if last < SLOWEST * before { last / before } else { SLOWEST };
+    Some(ratio / (1.0 - ratio))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Plain conjugate gradients on a diagonal matrix, recorded.
-    fn solve(eigenvalues: &[f64], iterations: usize) -> EnergyError {
-        let mut error = EnergyError::new(ErrorRule::Spectrum { condition: None, solves: 1 }, 1);
-        let mut r: Vec<f64> = vec![1.0; eigenvalues.len()];
+    /// Plain conjugate gradients on a diagonal matrix from the error (1, 1, ...) but for its first entries, recorded.
+    fn solve(error: &mut EnergyError, eigenvalues: &[f64], first: &[f64], iterations: usize) -> f64 {
+        let mut e = vec![1.0; eigenvalues.len()];
+        e[..first.len()].copy_from_slice(first);
+        let mut r: Vec<f64> = e.iter().zip(eigenvalues).map(|(e, k)| e * k).collect();
         let mut p = r.clone();
-        let mut rz: f64 = r.iter().map(|r| r * r).sum();
-        let mut energy = 1e3;
+        let mut rr: f64 = r.iter().map(|r| r * r).sum();
+        error.start();
+        let mut left: f64 = e.iter().zip(eigenvalues).map(|(e, k)| e * e * k).sum();
         for _ in 0..iterations {
-            let q: Vec<f64> = p.iter().zip(eigenvalues).map(|(p, e)| p * e).collect();
-            let alpha = rz / p.iter().zip(&q).map(|(p, q)| p * q).sum::<f64>();
-            energy -= alpha * rz;
-            error.record(0, Step { alpha, rz, drop: alpha * rz, excess: 0.0, energy });
-            error.advance(true);
+            let q: Vec<f64> = p.iter().zip(eigenvalues).map(|(p, k)| p * k).collect();
+            let alpha = rr / p.iter().zip(&q).map(|(p, q)| p * q).sum::<f64>();
+            left -= alpha * rr;
+            error.record(0, Step { drop: alpha * rr, excess: 0.0, energy: 1e6 });
+            error.advance();
             r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
             let next: f64 = r.iter().map(|r| r * r).sum();
-            p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + next / rz * *p);
-            rz = next;
+            p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + next / rr * *p);
+            rr = next;
         }
-        error
+        left
     }
 
-    #[test]
-    fn the_condition_number_of_a_small_matrix_is_found() {
-        let error = solve(&[1.0, 2.0, 3.0, 5.0], 4);
-        let found = condition_number(&error.steps[..4]).unwrap();
-        assert!((found - 5.0).abs() < 1e-9, "{found}");
+    fn fresh() -> EnergyError {
+        EnergyError::new(ErrorRule::Experience(Experience::default()), 1)
     }
 
-    /// The energy of the error is Σ r²/λ: with κ known, the estimate is an upper bound after every step.
+    fn eigenvalues() -> Vec<f64> {
+        (0..30).map(|k| 1.0 + 0.05 * f64::from(k)).collect()
+    }
+
+    /// What one long solve shows holds for short ones from other errors.
     #[test]
     fn the_estimate_bounds_the_error() {
-        let eigenvalues: Vec<f64> = (0..30).map(|k| 1.0 + 0.05 * f64::from(k)).collect();
-        let mut previous = f64::INFINITY;
-        for steps in 2..8 {
-            let error = solve(&eigenvalues, steps);
-            let total: f64 = eigenvalues.iter().map(|e| 1.0 / e).sum();
-            let shed: f64 = error.steps[..steps].iter().map(|step| step.drop).sum();
-            let (left, estimate) = (total - shed, error.relative(0).unwrap() * error.steps[steps - 1].energy);
-            assert!(estimate >= 0.99 * left && estimate < 30.0 * left + 1e-12, "{steps}: {estimate} {left}");
-            assert!(estimate < previous);
-            previous = estimate;
+        let (mut error, eigenvalues) = (fresh(), eigenvalues());
+        let _ = solve(&mut error, &eigenvalues, &[], 8);
+        error.finish();
+        for steps in 1..8 {
+            let left = solve(&mut error, &eigenvalues, &[2.0, -3.0, 0.5], steps);
+            let estimate = error.relative(0).unwrap() * 1e6;
+            assert!(estimate >= left && estimate < 10.0 * left, "{steps}: {estimate:e} {left:e}");
         }
+    }
+
+    /// A direction of low energy in the preconditioned matrix, unlike all that was seen before, shows in the third step:
+    /// drops no longer fall.
+    #[test]
+    fn slow_convergence_shows_however_good_the_experience() {
+        let (mut error, mut eigenvalues) = (fresh(), eigenvalues());
+        let _ = solve(&mut error, &eigenvalues, &[], 8);
+        error.finish();
+        eigenvalues[0] = 0.1;
+        let left = solve(&mut error, &eigenvalues, &[10.0], 4);
+        let estimate = error.relative(0).unwrap() * 1e6;
+        assert!(estimate > 0.3 * left, "{estimate:e} {left:e}");
+    }
+
+    #[test]
+    fn nothing_is_known_after_one_step_without_experience() {
+        let mut error = fresh();
+        let _ = solve(&mut error, &eigenvalues(), &[], 1);
+        assert_eq!(error.relative(0), None);
+        assert!(!error.is_below(0, 1.0));
+    }
+
+    #[test]
+    fn what_was_seen_fades() {
+        let (mut error, eigenvalues) = (fresh(), eigenvalues());
+        let bad: Vec<f64> = eigenvalues.iter().map(|k| k * k * k).collect();
+        let _ = solve(&mut error, &bad, &[], 8);
+        error.finish();
+        let share = |error: &EnergyError| match error.rule {
+            ErrorRule::Experience(experience) => experience.share(0).unwrap(),
+            ErrorRule::Window => f64::NAN,
+        };
+        let after_bad = share(&error);
+        for _ in 0..200 {
+            let _ = solve(&mut error, &eigenvalues, &[], 8);
+            error.finish();
+        }
+        assert!(share(&error) < 0.5 * after_bad);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::bracket::Bracket;
 use super::csr::CsrSolver;
-use super::energy_error::ErrorRule;
+use super::energy_error::{ErrorRule, Experience};
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
@@ -44,7 +44,7 @@ impl FieldSolver {
     ) -> Self {
         let rule = match options.preconditioner {
             Preconditioner::Jacobi | Preconditioner::None => ErrorRule::Window,
-            _ => ErrorRule::Spectrum { condition: None, solves: 0 },
+            _ => ErrorRule::Experience(Experience::default()),
         };
         let objects = fixed.len() - matrix.nodes();
         let threads =

@@ -94,7 +94,6 @@ impl ConjugateGradients {
             fields.step(&self.a, &self.b);
             self.record(fields, iterations, exact)?;
             iterations += 1;
-            // A column that was done may turn out not to be when others show a worse condition number.
             for (column, active) in self.active.iter_mut().enumerate() {
                 let energy = fields.state().energies[column * fields.columns() + column];
                 let allowed = options.allowed(energy, base.get(column).copied());
@@ -223,15 +222,13 @@ impl ConjugateGradients {
             self.error.record(
                 column,
                 Step {
-                    alpha: self.a[column] * best,
-                    rz: self.rz[column],
                     drop: before * best,
                     excess: if reliable { after * after / curvature } else { energy },
                     energy,
                 },
             );
         }
-        self.error.advance(exact);
+        self.error.advance();
         Ok(())
     }
 }
