@@ -30,7 +30,7 @@ pub(super) struct Layout {
     pub(super) margin: [usize; 2],
     /// Number of columns.
     pub(super) columns: usize,
-    /// Distance between rows, between columns and between planes.
+    /// Distance between rows, between columns and between planes; columns are a whole number of blocks apart.
     pub(super) row: usize,
     column: usize,
     pub(super) plane: usize,
@@ -41,7 +41,7 @@ impl Layout {
     pub(super) fn new(counts: [usize; 3], margin: [usize; 2]) -> Self {
         let [nx, ny, _] = counts;
         let row = nx / 2;
-        let plane = ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK;
+        let plane = (ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK).next_multiple_of(BLOCK);
         Self { counts, margin, columns: 1, row, column: plane, plane }
     }
 

@@ -23,6 +23,13 @@ pub(super) struct Piece<'a, T> {
     centre: &'a [T],
 }
 
+/// Columns in which the same nodes are computed: how many there are, and how far apart, a whole number of blocks.
+#[derive(Clone, Copy)]
+pub(super) struct Columns {
+    pub(super) count: usize,
+    pub(super) stride: usize,
+}
+
 impl<T: Clone + Default> Stencil<T> {
     pub(super) fn new(layout: Layout) -> Self {
         let zeros = || layout.zeros();
@@ -84,17 +91,49 @@ impl Piece<'_, f32> {
     }
 }
 
-impl Piece<'_, f64> {
-    /// y = D x - Σ w x.
+impl Piece<'_, f32> {
+    /// y = D x - Σ w x, if x is zero where the potential is fixed; there, y is of no use.
     #[inline(always)]
-    pub(super) fn apply<S: Simd>(&self, simd: S, y: &mut [f64], x: &[f64], around: [&[f64]; 6]) {
-        let y = S::as_mut_simd_f64s(y).0;
+    pub(super) fn charges<S: Simd>(&self, simd: S, y: &mut [f32], x: &[f32], around: [&[f32]; 6]) {
+        let y = S::as_mut_simd_f32s(y).0;
         let n = y.len();
-        let (x, diagonal) = (&double::<S>(x)[..n], &double::<S>(self.centre)[..n]);
-        let (w, v) = (six_double::<S>(self.weights, n), six_double::<S>(around, n));
+        let (x, inverse) = (&single::<S>(x)[..n], &single::<S>(self.centre)[..n]);
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
+        // Keeps 0 / 0 away.
+        let least = simd.splat_f32s(f32::MIN_POSITIVE);
         for i in 0..n {
-            let sum = sum_of_six_double(simd, &w, &v, i);
-            y[i] = simd.sub_f64s(simd.mul_f64s(diagonal[i], x[i]), sum);
+            let own = simd.div_f32s(x[i], simd.max_f32s(inverse[i], least));
+            y[i] = simd.sub_f32s(own, sum_of_six_single(simd, &w, &v, i));
+        }
+    }
+}
+
+impl Piece<'_, f64> {
+    /// y = D x - Σ w x in every column. The stencil is read once for all of them.
+    #[inline(always)]
+    pub(super) fn apply<S: Simd>(
+        &self,
+        simd: S,
+        y: &mut [f64],
+        x: &[f64],
+        around: [&[f64]; 6],
+        columns: Columns,
+    ) {
+        let y = S::as_mut_simd_f64s(y).0;
+        let span = y.len();
+        let (x, v) = (&double::<S>(x)[..span], six_double::<S>(around, span));
+        let diagonal = double::<S>(self.centre);
+        let w = six_double::<S>(self.weights, diagonal.len());
+        let stride = columns.stride / S::F64_LANES;
+        for i in 0..diagonal.len() {
+            let (w, diagonal) = ([w[0][i], w[1][i], w[2][i], w[3][i], w[4][i], w[5][i]], diagonal[i]);
+            let mut at = i;
+            for _ in 0..columns.count {
+                let v = [v[0][at], v[1][at], v[2][at], v[3][at], v[4][at], v[5][at]];
+                let sum = sum_of_six_double(simd, w, v);
+                y[at] = simd.sub_f64s(simd.mul_f64s(diagonal, x[at]), sum);
+                at += stride;
+            }
         }
     }
 }
@@ -140,13 +179,10 @@ fn sum_of_six_single<S: Simd>(simd: S, w: &[&[S::f32s]; 6], v: &[&[S::f32s]; 6],
 }
 
 #[inline(always)]
-fn sum_of_six_double<S: Simd>(simd: S, w: &[&[S::f64s]; 6], v: &[&[S::f64s]; 6], i: usize) -> S::f64s {
-    let west = simd.mul_f64s(w[0][i], v[0][i]);
-    let along_x = simd.add_f64s(west, simd.mul_f64s(w[1][i], v[1][i]));
-    let south = simd.mul_f64s(w[2][i], v[2][i]);
-    let along_y = simd.add_f64s(south, simd.mul_f64s(w[3][i], v[3][i]));
-    let down = simd.mul_f64s(w[4][i], v[4][i]);
-    let along_z = simd.add_f64s(down, simd.mul_f64s(w[5][i], v[5][i]));
+fn sum_of_six_double<S: Simd>(simd: S, w: [S::f64s; 6], v: [S::f64s; 6]) -> S::f64s {
+    let along_x = simd.add_f64s(simd.mul_f64s(w[0], v[0]), simd.mul_f64s(w[1], v[1]));
+    let along_y = simd.add_f64s(simd.mul_f64s(w[2], v[2]), simd.mul_f64s(w[3], v[3]));
+    let along_z = simd.add_f64s(simd.mul_f64s(w[4], v[4]), simd.mul_f64s(w[5], v[5]));
     simd.add_f64s(simd.add_f64s(along_x, along_y), along_z)
 }
 

@@ -1,16 +1,21 @@
 //! Applying K in double precision to one plane, and all sums that are wanted of it.
 //!
+//! The energies xᵀKx have two parts. On fixed rows they are the charges of the terminals, which are added up in double
+//! precision, but only in pieces where something is held at 1 V. On free rows Kx is -r, which is small, so products with
+//! it may be rounded: with an error δ left of the energy they amount to about √δ of it, and their rounding to less than
+//! 1e-8 √δ.
+//!
 //! Sums are taken over the places of a block first, then over the blocks' places in a fixed order, then over planes.
 
-use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
-use super::stencil::Stencil;
+use super::layout::{BLOCK, Coloured, Layout};
+use super::stencil::{Columns, Stencil};
 use super::{ObjectLink, ObjectLinks};
 use crate::solver::operator::State;
 use pulp::Simd;
 use std::ops::Range;
 
 /// Longest piece of a plane that is worked on at once, so that it stays in the first-level cache for all columns.
-const PIECE: usize = 32 * BLOCK;
+pub(super) const PIECE: usize = 32 * BLOCK;
 
 /// One number for each place in a block.
 type Partial = [f64; BLOCK];
@@ -19,11 +24,12 @@ type Partial = [f64; BLOCK];
 #[derive(Clone, Debug)]
 pub(super) struct Sums {
     columns: usize,
-    /// K x of one piece, all columns.
+    /// K x of one piece, with columns as far apart as in vectors; and in single precision x, or K z of one column.
     y: Vec<f64>,
-    held: Vec<f64>,
-    /// xᵀKx for all pairs s <= t of columns.
-    energies: Vec<Partial>,
+    pub(super) rounded: Vec<f32>,
+    /// xᵀr, and xᵀKx over fixed rows, for all pairs s <= t of columns.
+    of_free: Vec<Partial>,
+    of_held: Vec<Partial>,
     /// rᵀp, Σ r², and Σ (Kx)² over rows at 1 V.
     along: Vec<Partial>,
     residual: Vec<Partial>,
@@ -41,24 +47,38 @@ pub(super) struct Equations<'a> {
     pub(super) links: &'a ObjectLinks,
 }
 
-/// Some planes of the vectors, from some place on.
+/// Some planes of the vectors.
 pub(super) struct Fields<'a> {
-    pub(super) start: usize,
     pub(super) x: [&'a [f64]; 2],
     pub(super) p: [&'a [f32]; 2],
 }
 
 /// Successive nodes of one colour in a plane: their places, and where they are in the first column of vectors.
-struct Nodes {
-    colour: usize,
-    places: Range<usize>,
-    first: usize,
+pub(super) struct Nodes {
+    pub(super) colour: usize,
+    pub(super) places: Range<usize>,
+    pub(super) first: usize,
 }
 
 impl Nodes {
+    /// One of the pieces of plane k, none where it has ended. Vectors begin at the place `base`.
+    #[inline(always)]
+    pub(super) fn piece(
+        [of_nodes, layout]: [&Layout; 2],
+        k: usize,
+        base: usize,
+        [colour, piece]: [usize; 2],
+    ) -> Option<Self> {
+        let (plane, in_vectors) = (of_nodes.plane(k), layout.plane(k).start - base);
+        let start = piece * PIECE;
+        let n = plane.len().checked_sub(start)?.min(PIECE);
+        let at = plane.start + start;
+        (n > 0).then(|| Self { colour, places: at..at + n, first: in_vectors + start })
+    }
+
     /// Where they are in vectors.
     #[inline(always)]
-    fn within(&self, layout: &Layout, column: usize) -> Range<usize> {
+    pub(super) fn within(&self, layout: &Layout, column: usize) -> Range<usize> {
         let start = layout.in_column(column, self.first);
         start..start + self.places.len()
     }
@@ -68,57 +88,55 @@ impl Sums {
     pub(super) fn new(layout: &Layout) -> Self {
         let columns = layout.columns;
         let partial = |count| vec![[0.0; BLOCK]; count];
+        let pairs = columns * (columns + 1) / 2;
         Self {
             columns,
-            y: vec![0.0; columns * PIECE],
-            held: vec![0.0; PIECE],
-            energies: partial(columns * (columns + 1) / 2),
+            y: vec![0.0; layout.in_column(columns - 1, PIECE)],
+            rounded: vec![0.0; columns * PIECE],
+            of_free: partial(pairs),
+            of_held: partial(pairs),
             along: partial(columns),
             residual: partial(columns),
             charge: partial(columns),
         }
     }
 
-    /// r = -K x on the free nodes of plane k, and its part of the sums.
+    /// Starts with a plane.
+    #[inline(always)]
+    pub(super) fn start(&mut self) {
+        let Self { of_free, of_held, along, residual, charge, .. } = self;
+        for partial in [of_free, of_held, along, residual, charge] {
+            partial.fill([0.0; BLOCK]);
+        }
+    }
+
+    /// r = -K x on the free nodes of a piece, and its part of the sums.
     #[inline(always)]
     pub(super) fn evaluate<S: Simd>(
         &mut self,
         simd: S,
         of: &Equations<'_>,
         fields: &Fields<'_>,
-        r: &mut [&mut [f32]; 2],
-        k: usize,
+        r: &mut [f32],
+        nodes: &Nodes,
         state: &mut State,
     ) {
-        state.clear();
-        for partial in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
-            partial.fill([0.0; BLOCK]);
+        self.apply(simd, of, fields, nodes);
+        for link in of.links.between(nodes.colour, &nodes.places) {
+            self.apply_link(of, fields, link, nodes, state);
         }
-        let (plane, first) = (of.stencil.layout.plane(k), of.layout.plane(k).start - fields.start);
-        for colour in [RED, BLACK] {
-            for start in (0..plane.len()).step_by(PIECE) {
-                let places = plane.start + start..(plane.start + start + PIECE).min(plane.end);
-                let nodes = Nodes { colour, places, first: first + start };
-                self.apply(simd, of, fields, &nodes);
-                for link in of.links.between(colour, &nodes.places) {
-                    self.apply_link(of, fields, link, &nodes, state);
-                }
-                self.add_piece(simd, of, fields, &mut *r[colour], &nodes);
-            }
-        }
-        self.hand_over(state);
+        self.add_piece(simd, of, fields, r, nodes);
     }
 
     /// y = K x, all columns.
     #[inline(always)]
     fn apply<S: Simd>(&mut self, simd: S, of: &Equations<'_>, fields: &Fields<'_>, nodes: &Nodes) {
-        let n = nodes.places.len();
         let stencil = of.stencil.piece(nodes.colour, nodes.places.start..nodes.places.end);
-        for (column, y) in self.y.chunks_exact_mut(PIECE).enumerate() {
-            let at = nodes.within(&of.layout, column);
-            let around = of.layout.neighbours(nodes.colour, at.start, n, fields.x[1 - nodes.colour]);
-            stencil.apply(simd, &mut y[..n], &fields.x[nodes.colour][at], around);
-        }
+        let (colour, from) = (nodes.colour, nodes.first);
+        let span = of.layout.in_column(self.columns - 1, nodes.places.len());
+        let around = of.layout.neighbours(colour, from, span, fields.x[1 - colour]);
+        let columns = Columns { count: self.columns, stride: of.layout.in_column(1, 0) };
+        stencil.apply(simd, &mut self.y[..span], &fields.x[colour][from..from + span], around, columns);
     }
 
     /// The charges at both ends of a link; what the node has of it is on the diagonal.
@@ -134,7 +152,7 @@ impl Sums {
         let potentials = &of.links.potentials[link.object * columns..][..columns];
         let node = link.at - nodes.places.start;
         for (t, &at_object) in potentials.iter().enumerate() {
-            self.y[t * PIECE + node] -= link.weight * at_object;
+            self.y[of.layout.in_column(t, node)] -= link.weight * at_object;
             let at_node = fields.x[link.colour][nodes.within(&of.layout, t).start + node];
             let on_object = link.weight * (at_object - at_node);
             for (s, &potential) in potentials.iter().enumerate() {
@@ -155,63 +173,108 @@ impl Sums {
         let inverse = &of.inverse[nodes.colour][nodes.places.start..nodes.places.end];
         let (x, p) = (fields.x[nodes.colour], fields.p[nodes.colour]);
         let n = nodes.places.len();
-        let mut pair = 0;
+        let (mut pair, mut is_held) = (0, false);
         for t in 0..self.columns {
-            let y = &mut self.y[t * PIECE..t * PIECE + n];
+            let at = nodes.within(&of.layout, t);
+            let (r, p) = (&mut r[at.start..at.end], &p[at.start..at.end]);
+            let rounded = &mut self.rounded[t * PIECE..t * PIECE + n];
+            round(rounded, &x[at]);
+            round(r, &self.y[of.layout.in_column(t, 0)..of.layout.in_column(t, n)]);
+            is_held |= release(simd, r, rounded, inverse);
             for s in 0..=t {
-                let x = &x[nodes.within(&of.layout, s)];
-                self.energies[pair] = add_products(simd, self.energies[pair], x, y);
+                add(&mut self.of_free[pair], products(simd, &self.rounded[s * PIECE..s * PIECE + n], r));
                 pair += 1;
             }
-            let (at, held) = (nodes.within(&of.layout, t), &mut self.held[..n]);
-            split(y, held, inverse, &x[at.start..at.end]);
-            r[at.start..at.end].iter_mut().zip(&*y).for_each(|(r, y)| *r = -*y as f32);
-            self.along[t] = add_mixed_products(self.along[t], &p[at], y);
-            self.residual[t] = add_products(simd, self.residual[t], y, y);
-            self.charge[t] = add_products(simd, self.charge[t], held, held);
+            add(&mut self.along[t], products(simd, p, r));
+            // In double precision, as squares are too small otherwise.
+            self.residual[t] = add_mixed_products(self.residual[t], r, r);
+        }
+        if is_held {
+            self.add_held(of, x, inverse, nodes);
+        }
+    }
+
+    /// What terminals hold of a piece.
+    fn add_held(&mut self, of: &Equations<'_>, x: &[f64], inverse: &[f32], nodes: &Nodes) {
+        for (i, _) in inverse.iter().enumerate().filter(|(_, inverse)| **inverse == 0.0) {
+            let mut pair = 0;
+            for t in 0..self.columns {
+                let charge = self.y[of.layout.in_column(t, i)];
+                for s in 0..=t {
+                    let x = x[of.layout.in_column(s, nodes.first + i)];
+                    self.of_held[pair][i % BLOCK] += x * charge;
+                    pair += 1;
+                }
+                let own = charge * x[of.layout.in_column(t, nodes.first + i)];
+                self.charge[t][i % BLOCK] += own * own;
+            }
         }
     }
 
     /// Adds up the sums of the plane.
-    fn hand_over(&self, state: &mut State) {
+    pub(super) fn hand_over(&self, state: &mut State) {
         let mut pair = 0;
         for t in 0..self.columns {
             for s in 0..=t {
-                state.energies[s * self.columns + t] += total(&self.energies[pair]);
+                // Charges are minus residuals.
+                let energy = total(&self.of_held[pair]) - total(&self.of_free[pair]);
+                state.energies[s * self.columns + t] += energy;
                 pair += 1;
             }
-            // Charges are minus residuals.
-            state.along[t] -= total(&self.along[t]);
+            state.along[t] += total(&self.along[t]);
             state.residual[t] += total(&self.residual[t]);
             state.charge[t] += total(&self.charge[t]);
         }
     }
 }
 
-/// Splits charges in those of free nodes, which stay, and those of nodes that a terminal holds at 1 V.
+/// to = from.
 #[inline(always)]
-fn split(charge: &mut [f64], held: &mut [f64], inverse: &[f32], x: &[f64]) {
-    for (((charge, held), inverse), x) in charge.iter_mut().zip(held).zip(inverse).zip(x) {
-        let free = f64::from(u8::from(*inverse != 0.0));
-        *held = *charge * *x * (1.0 - free);
-        *charge *= free;
-    }
+fn round(to: &mut [f32], from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from as f32);
 }
 
-/// The sum with a b added.
+/// Turns charges into residuals: the other sign, and zero where the potential is fixed. Whether it is fixed anywhere at
+/// something else than zero.
 #[inline(always)]
-fn add_products<S: Simd>(simd: S, mut sum: Partial, a: &[f64], b: &[f64]) -> Partial {
-    let sums = S::as_mut_simd_f64s(&mut sum).0;
-    let (a, b) = (S::as_simd_f64s(a).0, S::as_simd_f64s(b).0);
-    let mut local = [simd.splat_f64s(0.0); BLOCK];
-    local[..sums.len()].copy_from_slice(sums);
-    for (a, b) in a.chunks_exact(sums.len()).zip(b.chunks_exact(sums.len())) {
-        for (part, sum) in local[..sums.len()].iter_mut().enumerate() {
-            *sum = simd.add_f64s(*sum, simd.mul_f64s(a[part], b[part]));
+fn release<S: Simd>(simd: S, r: &mut [f32], x: &[f32], inverse: &[f32]) -> bool {
+    let (x, inverse) = (S::as_simd_f32s(x).0, S::as_simd_f32s(inverse).0);
+    let zero = simd.splat_f32s(0.0);
+    let mut held = simd.splat_u32s(0);
+    for ((r, x), inverse) in S::as_mut_simd_f32s(r).0.iter_mut().zip(x).zip(inverse) {
+        let is_fixed = simd.equal_f32s(*inverse, zero);
+        *r = simd.select_f32s(is_fixed, zero, simd.neg_f32s(*r));
+        held = simd.or_u32s(held, simd.transmute_u32s_f32s(simd.select_f32s(is_fixed, *x, zero)));
+    }
+    simd.first_true_m32s(simd.greater_than_u32s(held, simd.splat_u32s(0))) < S::F32_LANES
+}
+
+/// a b, added up by place in a block. In single precision, so for pieces only. Every other block is added up apart, for
+/// a sum need not wait for the one before.
+#[inline(always)]
+pub(super) fn products<S: Simd>(simd: S, a: &[f32], b: &[f32]) -> [f32; BLOCK] {
+    let mut sum = [0.0; BLOCK];
+    let sums = S::as_mut_simd_f32s(&mut sum).0;
+    let block = sums.len();
+    let (a, b) = (S::as_simd_f32s(a).0.chunks_exact(2 * block), S::as_simd_f32s(b).0.chunks_exact(2 * block));
+    let mut local = [simd.splat_f32s(0.0); 2 * BLOCK];
+    for (sum, (a, b)) in local.iter_mut().zip(a.remainder().iter().zip(b.remainder())) {
+        *sum = simd.mul_f32s(*a, *b);
+    }
+    for (a, b) in a.zip(b) {
+        for part in 0..2 * block {
+            local[part] = simd.add_f32s(local[part], simd.mul_f32s(a[part], b[part]));
         }
     }
-    sums.copy_from_slice(&local[..sums.len()]);
+    for part in 0..block {
+        sums[part] = simd.add_f32s(local[part], local[block + part]);
+    }
     sum
+}
+
+#[inline(always)]
+pub(super) fn add(sum: &mut Partial, part: [f32; BLOCK]) {
+    sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += f64::from(part));
 }
 
 /// The sum with a b added, in whatever precision these are.
@@ -226,7 +289,7 @@ pub(super) fn add_mixed_products<B: Copy + Into<f64>>(mut sum: Partial, a: &[f32
     sum
 }
 
-pub(super) fn total(partial: &Partial) -> f64 {
-    let [a, b, c, d, e, f, g, h] = *partial;
+pub(super) fn total<T: Copy + Into<f64>>(partial: &[T; BLOCK]) -> f64 {
+    let [a, b, c, d, e, f, g, h] = partial.map(Into::into);
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }

@@ -1,11 +1,11 @@
-//! Everything in double precision, plane by plane: moving the fields, applying K, and products of vectors.
+//! Moving the fields and applying K in double precision, and products of vectors in single, plane by plane.
 
 use super::LatticeSolver;
-use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
+use super::layout::Coloured;
 use super::level::Level;
 use super::parts::{Part, cut_both, cut_planes};
 use super::stencil::Stencil;
-use super::sums::{Equations, Fields, Sums, add_mixed_products, total};
+use super::sums::{Equations, Fields, Nodes, PIECE, Sums, products, total};
 use crate::solver::operator::State;
 use pulp::{Simd, WithSimd};
 
@@ -57,24 +57,23 @@ impl LatticeSolver {
     /// Products of z with something, for the active columns.
     pub(super) fn multiply_correction(&mut self, with: Factor) {
         let finest = &self.hierarchy.levels[0];
-        let (layout, active, p, diagonal) = (self.layout, &*self.active, &self.p, &self.stencil.centre);
+        let (planes, active, p) = (self.layout.planes(), &*self.active, &self.p);
         let slabs = &self.parts.slabs;
         let products = cut_planes(slabs, &mut self.products_of_planes);
-        let tasks = slabs.iter().zip(products).map(|(part, products)| Products {
+        let tasks = slabs.iter().zip(products).zip(&mut self.sums).map(|((part, products), sums)| Products {
             part,
             with,
-            layout,
             finest,
-            diagonal,
             p,
             active,
             products,
+            charges: &mut sums.rounded,
         });
         self.workers.for_each(tasks, |task| self.arch.dispatch(task));
         for products in &mut self.products {
             products.fill(0.0);
         }
-        for plane in &self.products_of_planes[layout.planes()] {
+        for plane in &self.products_of_planes[planes] {
             for (sums, products) in self.products.iter_mut().zip(plane) {
                 active.iter().for_each(|&column| sums[column] += products[column]);
             }
@@ -82,7 +81,7 @@ impl LatticeSolver {
     }
 }
 
-/// How one thread moves and evaluates fields. A plane is evaluated one step after it was moved.
+/// How one thread moves and evaluates fields.
 struct Walk<'a> {
     part: &'a Part,
     equations: Equations<'a>,
@@ -107,65 +106,79 @@ impl WithSimd for Walk<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        for step in self.part.steps(2) {
-            if let Some(k) = self.part.plane(0, step) {
-                if let Some(beta) = self.step.beta {
-                    self.turn_step(k, beta);
-                }
-                self.move_fields(k);
+        // A plane is evaluated two steps after it was moved, so that both can go on piece by piece: while one waits for
+        // memory, the other computes.
+        for step in self.part.steps(3) {
+            let [moved, evaluated] = [self.part.plane(0, step), self.part.plane(2, step)];
+            self.sums.start();
+            if let Some(k) = evaluated {
+                self.states[k - self.part.planes.start].clear();
             }
-            if let Some(k) = self.part.plane(1, step) {
-                let Self { part, equations, x: [red, black], p: [p_red, p_black], r, states, sums, .. } =
-                    &mut self;
-                let fields = Fields { start: part.places.start, x: [red, black], p: [p_red, p_black] };
-                let state = &mut states[k - part.planes.start];
-                sums.evaluate(simd, equations, &fields, r, k, state);
+            let pieces = self.equations.stencil.layout.plane.div_ceil(PIECE);
+            for piece in 0..2 * pieces {
+                let piece = [piece % 2, piece / 2];
+                if let Some(k) = moved {
+                    self.move_piece(k, piece);
+                }
+                if let Some(k) = evaluated {
+                    self.evaluate(simd, k, piece);
+                }
+            }
+            if let Some(k) = evaluated {
+                self.sums.hand_over(&mut self.states[k - self.part.planes.start]);
             }
         }
     }
 }
 
 impl Walk<'_> {
-    /// p = z + β p.
+    /// p = z + β p, x += p.
     #[inline(always)]
-    fn turn_step(&mut self, k: usize, beta: &[f64]) {
-        for colour in [RED, BLACK] {
-            for (column, &beta) in beta.iter().enumerate() {
-                let places = self.equations.layout.plane_of(column, k);
-                let p = &mut self.p[colour][self.part.within(&places)];
-                let z = &self.step.z[colour][places];
-                p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta as f32 * *p);
+    fn move_piece(&mut self, k: usize, piece: [usize; 2]) {
+        let layout = self.equations.layout;
+        let base = self.part.places.start;
+        let Some(nodes) = Nodes::piece([&self.equations.stencil.layout, &layout], k, base, piece) else {
+            return;
+        };
+        let (x, p) = (&mut *self.x[nodes.colour], &mut *self.p[nodes.colour]);
+        let Step { z, beta, scale } = self.step;
+        for column in 0..layout.columns {
+            let at = nodes.within(&layout, column);
+            let (x, p) = (&mut x[at.start..at.end], &mut p[at.start..at.end]);
+            if let Some(beta) = beta {
+                let (beta, z) = (beta[column] as f32, &z[nodes.colour][base + at.start..base + at.end]);
+                p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p);
+            }
+            let scale = scale[column];
+            if scale != 0.0 {
+                x.iter_mut().zip(p).for_each(|(x, p)| *x += scale * f64::from(*p));
             }
         }
     }
 
-    /// x += p.
+    /// Evaluates a piece of a plane.
     #[inline(always)]
-    fn move_fields(&mut self, k: usize) {
-        for colour in [RED, BLACK] {
-            for (column, &scale) in self.step.scale.iter().enumerate() {
-                if scale == 0.0 {
-                    continue;
-                }
-                let at = self.part.within(&self.equations.layout.plane_of(column, k));
-                let p = &self.p[colour][at.start..at.end];
-                self.x[colour][at].iter_mut().zip(p).for_each(|(x, p)| *x += scale * f64::from(*p));
-            }
-        }
+    fn evaluate<S: Simd>(&mut self, simd: S, k: usize, piece: [usize; 2]) {
+        let Self { part, equations, x: [red, black], p: [p_red, p_black], r, states, sums, .. } = self;
+        let layouts = [&equations.stencil.layout, &equations.layout];
+        let Some(nodes) = Nodes::piece(layouts, k, part.places.start, piece) else { return };
+        let fields = Fields { x: [red, black], p: [p_red, p_black] };
+        let state = &mut states[k - part.planes.start];
+        sums.evaluate(simd, equations, &fields, r[nodes.colour], &nodes, state);
     }
 }
 
-/// How one thread multiplies its planes of z, which is in the finest level.
+/// How one thread multiplies its planes of z, which is in the finest level. In single precision: lengths of steps need
+/// not be exact.
 struct Products<'a> {
     part: &'a Part,
     with: Factor,
-    layout: Layout,
     finest: &'a Level,
-    /// That of K.
-    diagonal: &'a Coloured<f64>,
     p: &'a Coloured<f32>,
     active: &'a [usize],
     products: &'a mut [[Vec<f64>; 2]],
+    /// K z of a piece.
+    charges: &'a mut [f32],
 }
 
 impl WithSimd for Products<'_> {
@@ -173,58 +186,40 @@ impl WithSimd for Products<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let len = if matches!(self.with, Factor::Charges) { self.finest.stencil.layout.plane } else { 0 };
-        let mut charges = vec![0.0; len];
         for step in self.part.steps(1) {
             let Some(k) = self.part.plane(0, step) else { continue };
-            match self.with {
-                Factor::Residual => self.with_residual(k),
-                Factor::Charges => self.with_charges(simd, k, &mut charges),
+            let products = &mut self.products[k - self.part.planes.start];
+            products.iter_mut().for_each(|products| products.fill(0.0));
+            let pieces = self.finest.stencil.layout.plane.div_ceil(PIECE);
+            for piece in 0..2 * pieces {
+                self.multiply(simd, k, [piece % 2, piece / 2]);
             }
         }
     }
 }
 
 impl Products<'_> {
-    /// rᵀz.
+    /// rᵀz, or zᵀKz and zᵀKp, of one piece.
     #[inline(always)]
-    fn with_residual(&mut self, k: usize) {
-        let [products, _] = &mut self.products[k - self.part.planes.start];
+    fn multiply<S: Simd>(&mut self, simd: S, k: usize, piece: [usize; 2]) {
+        let Level { stencil, layout, b: r, x: z, .. } = self.finest;
+        let Some(nodes) = Nodes::piece([&stencil.layout, layout], k, 0, piece) else { return };
+        let (colour, n) = (nodes.colour, nodes.places.len());
+        let stencil = stencil.piece(colour, nodes.places.start..nodes.places.end);
+        let [first, second] = &mut self.products[k - self.part.planes.start];
         for &column in self.active {
-            let mut sum = [0.0; BLOCK];
-            for colour in [RED, BLACK] {
-                let at = self.layout.plane_of(column, k);
-                let (r, z) = (&self.finest.b[colour][at.start..at.end], &self.finest.x[colour][at]);
-                sum = add_mixed_products(sum, r, z);
-            }
-            products[column] = total(&sum);
-        }
-    }
-
-    /// zᵀKz and zᵀKp, in single precision: lengths of steps need not be exact.
-    #[inline(always)]
-    fn with_charges<S: Simd>(&mut self, simd: S, k: usize, charges: &mut [f32]) {
-        let Level { stencil, x: z, .. } = self.finest;
-        let places = stencil.layout.plane(k);
-        let charges = &mut charges[..places.len()];
-        let [of_z, of_p] = &mut self.products[k - self.part.planes.start];
-        for &column in self.active {
-            let at = self.layout.plane_of(column, k);
-            let mut sums = [[0.0; BLOCK]; 2];
-            for colour in [RED, BLACK] {
-                let own = &z[colour][at.start..at.end];
-                let around = self.layout.neighbours(colour, at.start, at.len(), &z[1 - colour]);
-                let piece = stencil.piece(colour, places.start..places.end);
-                piece.gather(simd, 1.0, charges, around);
-                let diagonal = &self.diagonal[colour][places.start..places.end];
-                for ((kz, z), diagonal) in charges.iter_mut().zip(own).zip(diagonal) {
-                    *kz = (diagonal * f64::from(*z) - f64::from(*kz)) as f32;
+            let at = nodes.within(layout, column);
+            let own = &z[colour][at.start..at.end];
+            match self.with {
+                Factor::Residual => first[column] += total(&products(simd, &r[colour][at], own)),
+                Factor::Charges => {
+                    let charges = &mut self.charges[..n];
+                    let around = layout.neighbours(colour, at.start, n, &z[1 - colour]);
+                    stencil.charges(simd, charges, own, around);
+                    first[column] += total(&products(simd, charges, own));
+                    second[column] += total(&products(simd, charges, &self.p[colour][at]));
                 }
-                sums[0] = add_mixed_products(sums[0], charges, own);
-                sums[1] = add_mixed_products(sums[1], charges, &self.p[colour][at.start..at.end]);
             }
-            of_z[column] = total(&sums[0]);
-            of_p[column] = total(&sums[1]);
         }
     }
 }
