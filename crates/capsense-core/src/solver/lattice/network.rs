@@ -91,6 +91,14 @@ impl Changed {
         }
     }
 
+    /// Adds some nodes of the four rows beside row (j, k).
+    pub(super) fn add_beside_row(&mut self, nodes: Range<usize>, j: usize, k: usize) {
+        let (before_j, before_k) = (j.wrapping_sub(1), k.wrapping_sub(1));
+        for (j, k) in [(j + 1, k), (before_j, k), (j, k + 1), (j, before_k)] {
+            self.add(nodes.clone(), j, k);
+        }
+    }
+
     /// Visits the changed nodes of every row as an interval.
     pub(super) fn for_each_row(&self, mut visit: impl FnMut(Range<usize>, usize, usize)) {
         let ny = self.counts[1];

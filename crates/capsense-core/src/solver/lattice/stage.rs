@@ -10,6 +10,11 @@ use super::layout::{Layout, RED};
 use super::network::{Changed, Network, Node};
 use std::ops::Range;
 
+/// A coarse network follows the fine one but for changes below this part of a weight, which a preconditioner does not
+/// feel: so what a motion does to a few rows does not spread over all of the coarse levels. What is kept is never further
+/// than that from what it should be, however many frames go by.
+const NEGLIGIBLE: f32 = 0.02;
+
 /// One axis made coarser.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
@@ -129,11 +134,13 @@ impl Stage {
         for i in nodes {
             let node = self.coarse_node(fine, [i, j, k]);
             let index = self.coarse.index([i, j, k]);
-            let before = &mut self.coarse.nodes[index];
-            let changed = [0, 1, 2].map(|axis| before.next[axis] != node.next[axis]);
-            if changed != [false; 3] || before.leak != node.leak {
+            let stored = &mut self.coarse.nodes[index];
+            let mut changed = [false; 3];
+            for axis in 0..3 {
+                changed[axis] = replace_if_different(&mut stored.next[axis], node.next[axis]);
+            }
+            if replace_if_different(&mut stored.leak, node.leak) || changed != [false; 3] {
                 own.add(i);
-                (before.next, before.leak) = (node.next, node.leak);
             }
             if changed[0] {
                 own.add(i + 1);
@@ -163,41 +170,56 @@ impl Stage {
         self.changed.add(changed.range(), j, k);
     }
 
-    /// What changes at a node reaches the coarse nodes at it or beside it, and their neighbours across the axis.
+    /// What changes at a node reaches the coarse node at it, or, where nodes are eliminated, those beside it too and their
+    /// neighbours across the axis.
     fn find_reached(&mut self, fine: &Changed) {
-        let Self { axis, fine_plane, reached: changed, .. } = self;
+        let mut changed = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
         changed.clear();
-        let reached = |from: usize, to: usize| {
-            let first = fine_plane.partition_point(|&plane| plane < from).saturating_sub(1);
-            first..(fine_plane.partition_point(|&plane| plane < to) + 1).min(fine_plane.len())
-        };
         fine.for_each_row(|nodes, j, k| {
             let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
-            match *axis {
+            let own = [nodes.clone(), j..j + 1, k..k + 1][self.axis].clone();
+            let (reached, is_spread) = self.reach(own);
+            match self.axis {
                 0 => {
-                    let nodes = reached(nodes.start, nodes.end);
-                    for (j, k) in
-                        [(j, k), (j + 1, k), (j.wrapping_sub(1), k), (j, k + 1), (j, k.wrapping_sub(1))]
-                    {
-                        changed.add(nodes.clone(), j, k);
+                    changed.add(reached.clone(), j, k);
+                    if is_spread {
+                        changed.add_beside_row(reached, j, k);
                     }
                 }
                 1 => {
-                    for j in reached(j, j + 1) {
-                        changed.add(wider.clone(), j, k);
-                        changed.add(nodes.clone(), j, k + 1);
-                        changed.add(nodes.clone(), j, k.wrapping_sub(1));
+                    for j in reached {
+                        changed.add(if is_spread { wider.clone() } else { nodes.clone() }, j, k);
+                        if is_spread {
+                            changed.add(nodes.clone(), j, k + 1);
+                            changed.add(nodes.clone(), j, k.wrapping_sub(1));
+                        }
                     }
                 }
                 _ => {
-                    for k in reached(k, k + 1) {
-                        changed.add(wider.clone(), j, k);
-                        changed.add(nodes.clone(), j + 1, k);
-                        changed.add(nodes.clone(), j.wrapping_sub(1), k);
+                    for k in reached {
+                        changed.add(if is_spread { wider.clone() } else { nodes.clone() }, j, k);
+                        if is_spread {
+                            changed.add(nodes.clone(), j + 1, k);
+                            changed.add(nodes.clone(), j.wrapping_sub(1), k);
+                        }
                     }
                 }
             }
         });
+        self.reached = changed;
+    }
+
+    /// The coarse planes that some fine planes reach, and whether more than these planes themselves because a plane
+    /// among or beside them is eliminated.
+    fn reach(&self, fine: Range<usize>) -> (Range<usize>, bool) {
+        let coarse = |plane: usize| self.fine_plane.partition_point(|&kept| kept < plane);
+        let (first, last) = (coarse(fine.start), coarse(fine.end));
+        let wide = fine.start.saturating_sub(1)..(fine.end + 1).min(self.coarse_plane.len());
+        if wide.clone().any(|plane| self.is_eliminated(plane)) {
+            (first.saturating_sub(1)..(last + 1).min(self.fine_plane.len()), true)
+        } else {
+            (first..last, false)
+        }
     }
 
     /// The fine node that a coarse node is.
@@ -291,6 +313,16 @@ impl Stage {
         coarse.next[across] += after * with_after;
         coarse.leak += after * (own - with_after) + before * (own - with_before);
     }
+}
+
+/// Takes over a number if it is not nearly the one that is stored. Returns whether it was taken over.
+#[inline]
+fn replace_if_different(stored: &mut f32, new: f32) -> bool {
+    let is_different = (new - *stored).abs() > NEGLIGIBLE * new.max(*stored);
+    if is_different {
+        *stored = new;
+    }
+    is_different
 }
 
 /// The smallest and one more than the largest of some numbers.
