@@ -146,9 +146,12 @@ impl Level {
         own: &[[f32; L]],
         b: &impl RightHandSide<L>,
     ) {
+        let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
         for at in 0..x.len() {
             let row = first + at;
-            x[at] = self.relaxed(row, self.pattern.lower(row), x, first, b.at(own, row));
+            let mut sum = b.at(own, row);
+            entries.gather(self.pattern.lower(row), x, first, &mut sum);
+            x[at] = scaled(sum, inverse[at]);
         }
     }
 
@@ -201,6 +204,7 @@ impl Level {
                         transfer.prolong(x, first, correction);
                     }
                     let mut border = self.border_before(first + x.len());
+                    let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
                     let mut sum = [0.0; L];
                     for at in (0..x.len()).rev() {
                         let row = first + at;
@@ -210,7 +214,8 @@ impl Level {
                             border -= 1;
                             add(&mut b, &far[border]);
                         }
-                        x[at] = self.relaxed(row, self.pattern.near(row), x, first, b);
+                        entries.gather(self.pattern.near(row), x, first, &mut b);
+                        x[at] = scaled(b, inverse[at]);
                         for lane in 0..L {
                             sum[lane] += f64::from(given[lane]) * f64::from(x[at][lane]);
                         }
@@ -256,54 +261,18 @@ impl Level {
         });
     }
 
-    /// (b + Σ w x) / d over some entries of a row. The rows of x count from `first`.
-    #[inline(always)]
-    fn relaxed<const L: usize>(
-        &self,
-        row: usize,
-        entries: Range<usize>,
-        x: &[[f32; L]],
-        first: usize,
-        mut b: [f32; L],
-    ) -> [f32; L] {
-        self.gather(entries, x, first, &mut b);
-        let inverse = self.inverse[row];
-        for b in &mut b {
-            *b *= inverse;
-        }
-        b
-    }
-
     /// Σ w x over some entries. The rows of x count from `first`.
     #[inline(always)]
     fn sum<const L: usize>(&self, entries: Range<usize>, x: &[[f32; L]], first: usize) -> [f32; L] {
         let mut sum = [0.0; L];
-        self.gather(entries, x, first, &mut sum);
+        self.entries().gather(entries, x, first, &mut sum);
         sum
     }
 
-    /// sum += Σ w x over some entries. The rows of x count from `first`.
     #[inline(always)]
-    fn gather<const L: usize>(
-        &self,
-        entries: Range<usize>,
-        x: &[[f32; L]],
-        first: usize,
-        sum: &mut [f32; L],
-    ) {
-        let columns = &self.pattern.columns()[entries.clone()];
-        let (column_pairs, last_column) = columns.as_chunks::<2>();
-        let (weight_pairs, last_weight) = self.weights[entries].as_chunks::<2>();
-        // Two sums, so that one does not wait for the other.
-        let mut other = [0.0; L];
-        for (columns, weights) in column_pairs.iter().zip(weight_pairs) {
-            add_product(sum, weights[0], &x[columns[0] as usize - first]);
-            add_product(&mut other, weights[1], &x[columns[1] as usize - first]);
-        }
-        for (&column, &weight) in last_column.iter().zip(last_weight) {
-            add_product(sum, weight, &x[column as usize - first]);
-        }
-        add(sum, &other);
+    fn entries(&self) -> Entries<'_> {
+        let columns = self.pattern.columns();
+        Entries { columns, weights: &self.weights[..columns.len()] }
     }
 
     /// (K x) at one row, by differences: no more is lost than the weights are rounded.
@@ -357,6 +326,41 @@ impl Level {
         }
         sums
     }
+}
+
+/// The entries of a level, at hand for a sweep.
+#[derive(Clone, Copy)]
+struct Entries<'a> {
+    columns: &'a [u32],
+    weights: &'a [f32],
+}
+
+impl Entries<'_> {
+    /// sum += Σ w x over some entries. The rows of x count from `first`.
+    #[inline(always)]
+    fn gather<const L: usize>(self, entries: Range<usize>, x: &[[f32; L]], first: usize, sum: &mut [f32; L]) {
+        let columns = &self.columns[entries.clone()];
+        let (column_pairs, last_column) = columns.as_chunks::<2>();
+        let (weight_pairs, last_weight) = self.weights[entries].as_chunks::<2>();
+        // Two sums, so that one does not wait for the other.
+        let mut other = [0.0; L];
+        for (columns, weights) in column_pairs.iter().zip(weight_pairs) {
+            add_product(sum, weights[0], &x[columns[0] as usize - first]);
+            add_product(&mut other, weights[1], &x[columns[1] as usize - first]);
+        }
+        for (&column, &weight) in last_column.iter().zip(last_weight) {
+            add_product(sum, weight, &x[column as usize - first]);
+        }
+        add(sum, &other);
+    }
+}
+
+#[inline(always)]
+fn scaled<const L: usize>(mut sum: [f32; L], factor: f32) -> [f32; L] {
+    for sum in &mut sum {
+        *sum *= factor;
+    }
+    sum
 }
 
 /// sum += weight x.

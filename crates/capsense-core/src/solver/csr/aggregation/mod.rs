@@ -150,7 +150,7 @@ impl Hierarchy {
         let cycle = |levels: &mut [Vectors<L>]| self.cycle(index, levels, workers, &Own);
         match levels[0].krylov.take() {
             Some(mut krylov) => {
-                krylov.solve(&self.levels[index], levels, cycle);
+                krylov.solve(&self.levels[index], levels, workers, cycle);
                 levels[0].krylov = Some(krylov);
             }
             None => cycle(levels),
