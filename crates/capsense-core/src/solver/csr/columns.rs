@@ -1,11 +1,8 @@
 //! Fields of a few terminals side by side, and what an iteration does to them.
 
-use super::rows::Rows;
-use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
+use super::rows::{Rows, STRIP};
+use crate::solver::workers::{Workers, vectorised};
 use std::ops::Range;
-
-/// Rows whose products are summed up while they still are in the first cache.
-const STRIP: usize = 256;
 
 /// One group of `L` columns. Rows of objects come after those of nodes.
 #[derive(Clone, Debug)]
@@ -14,8 +11,8 @@ pub(super) struct Columns<const L: usize> {
     /// K x, at all rows.
     pub(super) kx: Vec<[f64; L]>,
     /// The last step.
-    p: Vec<[f32; L]>,
-    /// For every task.
+    pub(super) p: Vec<[f32; L]>,
+    /// For every strip.
     partial: Vec<Sums<L>>,
 }
 
@@ -47,13 +44,17 @@ impl<const L: usize> Sums<L> {
             }
         }
         for lane in 0..L {
-            if fixed {
-                // Of the rows that are fixed, those of the column's own terminal are at 1 V.
-                self.charge[lane] += (x[lane] * kx[lane]).powi(2);
-            } else {
-                self.residual[lane] += kx[lane] * kx[lane];
-            }
             self.along[lane] += kx[lane] * f64::from(p[lane]);
+        }
+        if fixed {
+            // Of the rows that are fixed, those of the column's own terminal are at 1 V.
+            for ((sum, x), kx) in self.charge.iter_mut().zip(x).zip(kx) {
+                *sum += (x * kx) * (x * kx);
+            }
+        } else {
+            for (sum, kx) in self.residual.iter_mut().zip(kx) {
+                *sum += kx * kx;
+            }
         }
     }
 
@@ -82,23 +83,78 @@ impl<const L: usize> Columns<L> {
             x: vec![[0.0; L]; nodes + objects],
             kx: vec![[0.0; L]; nodes + objects],
             p: vec![[0.0; L]; nodes],
-            partial: vec![Sums::default(); nodes.div_ceil(TASK_ROWS)],
+            partial: vec![Sums::default(); nodes.div_ceil(STRIP)],
         }
     }
 
     /// K x everywhere, and the sums over it.
     pub(super) fn evaluate(&mut self, rows: &Rows, workers: &Workers) -> Sums<L> {
+        self.evaluate_strips(rows, workers, |_, _| true);
+        self.evaluate_objects(rows);
+        self.total(rows)
+    }
+
+    /// p = a z + b p, x += p, and then as [`Columns::evaluate`], in one walk: a strip is evaluated as soon as all that it
+    /// takes has moved. Each thread walks along a slab of rows; strips that take from two slabs come last.
+    pub(super) fn step<Z: Copy + Into<f64> + Sync>(
+        &mut self,
+        rows: &Rows,
+        z: &[[Z; L]],
+        along: &Along<L>,
+        workers: &Workers,
+    ) -> Sums<L> {
+        let size = slab(rows, workers);
         let Self { x, kx, p, partial } = self;
-        let tasks =
-            kx[..rows.len()].chunks_mut(TASK_ROWS).zip(partial.iter_mut()).zip((0..).step_by(TASK_ROWS));
-        let (x, p) = (x.as_slice(), p.as_slice());
-        workers.for_each(tasks, |((kx, sums), first)| {
-            *sums = vectorised(
+        let (x, objects) = x.split_at_mut(rows.len());
+        let objects = &*objects;
+        let fields = x.chunks_mut(size).zip(p.chunks_mut(size)).zip(z.chunks(size));
+        let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
+        let tasks = fields.zip(charges).zip((0..).step_by(size));
+        workers.for_each(tasks, |((((x, p), z), (kx, sums)), first)| {
+            vectorised(
                 #[inline(always)]
-                || evaluate_task(rows, x, p, kx, first),
+                || walk(rows, along, Slab { first, x, p, z, objects, kx, sums }),
             );
         });
+        if size < rows.len() {
+            self.evaluate_strips(rows, workers, |reach, slab| {
+                reach.start < slab.start || reach.end > slab.end
+            });
+        }
         self.evaluate_objects(rows);
+        self.total(rows)
+    }
+
+    /// K x and its sums at the strips that `choose` names by their reach and their slab.
+    fn evaluate_strips(
+        &mut self,
+        rows: &Rows,
+        workers: &Workers,
+        choose: impl Fn(&Range<usize>, &Range<usize>) -> bool + Sync,
+    ) {
+        let size = slab(rows, workers);
+        let Self { x, kx, p, partial } = self;
+        let (x, objects) = x.split_at(rows.len());
+        let p = p.as_slice();
+        let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
+        workers.for_each(charges.zip((0..).step_by(size)), |((kx, sums), first)| {
+            let slab = first..first + kx.len();
+            vectorised(
+                #[inline(always)]
+                || {
+                    for ((kx, sums), from) in kx.chunks_mut(STRIP).zip(sums).zip((first..).step_by(STRIP)) {
+                        if choose(&rows.reach(from / STRIP), &slab) {
+                            evaluate_strip(rows, x, 0, objects, kx, from);
+                            *sums = sum_strip(rows, &x[from..], &p[from..], kx, from);
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    /// The sums of all strips and of the objects.
+    fn total(&self, rows: &Rows) -> Sums<L> {
         let mut sums = Sums::default();
         self.partial.iter().for_each(|partial| sums.add(partial));
         for (x, kx) in self.x.iter().zip(&self.kx).skip(rows.len()) {
@@ -121,43 +177,16 @@ impl<const L: usize> Columns<L> {
     /// As [`Columns::evaluate`] at some rows and at all objects only, and without sums.
     pub(super) fn evaluate_rows(&mut self, rows: &Rows, some: &[u32]) {
         let Self { x, kx, .. } = self;
+        let (x, objects) = x.split_at(rows.len());
         vectorised(
             #[inline(always)]
             || {
                 for row in some.iter().map(|&row| row as usize) {
-                    evaluate_strip(rows, x, &mut kx[row..=row], row);
+                    evaluate_strip(rows, x, 0, objects, &mut kx[row..=row], row);
                 }
             },
         );
         self.evaluate_objects(rows);
-    }
-
-    /// p = a z + b p, x += p.
-    pub(super) fn advance<Z: Copy + Into<f64> + Sync>(
-        &mut self,
-        z: &[[Z; L]],
-        a: &[f64; L],
-        b: &[f64; L],
-        workers: &Workers,
-    ) {
-        let x = self.x.chunks_mut(TASK_ROWS);
-        let tasks = x.zip(self.p.chunks_mut(TASK_ROWS)).zip(z.chunks(TASK_ROWS));
-        workers.for_each(tasks, |((x, p), z)| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    for ((x, p), z) in x.iter_mut().zip(p).zip(z) {
-                        for lane in 0..L {
-                            // A column that is done must not be touched, whatever stands in it.
-                            let along = if a[lane] == 0.0 { 0.0 } else { a[lane] * z[lane].into() };
-                            let before = if b[lane] == 0.0 { 0.0 } else { b[lane] * f64::from(p[lane]) };
-                            x[lane] += along + before;
-                            p[lane] = (along + before) as f32;
-                        }
-                    }
-                },
-            );
-        });
     }
 
     /// zᵀKz and zᵀKp.
@@ -168,14 +197,18 @@ impl<const L: usize> Columns<L> {
         workers: &Workers,
     ) -> [[f64; L]; 2] {
         let p = self.p.as_slice();
-        let tasks = self.partial.iter_mut().zip((0..rows.len()).step_by(TASK_ROWS));
-        workers.for_each(tasks, |(sums, first)| {
-            let range = first..(first + TASK_ROWS).min(rows.len());
-            let [zz, zp] = vectorised(
+        let size = slab(rows, workers);
+        let tasks = self.partial.chunks_mut(size / STRIP).zip((0..).step_by(size));
+        workers.for_each(tasks, |(strips, first)| {
+            vectorised(
                 #[inline(always)]
-                || curvatures_task(rows, z, p, range),
+                || {
+                    for (sums, from) in strips.iter_mut().zip((first..).step_by(STRIP)) {
+                        let range = from..(from + STRIP).min(rows.len());
+                        [sums.energies[0], sums.along] = curvatures_of_strip(rows, z, p, range);
+                    }
+                },
             );
-            (sums.energies[0], sums.along) = (zz, zp);
         });
         let mut sums = [[0.0; L]; 2];
         for partial in &self.partial {
@@ -186,42 +219,111 @@ impl<const L: usize> Columns<L> {
     }
 }
 
-#[inline(always)]
-fn evaluate_task<const L: usize>(
-    rows: &Rows,
-    x: &[[f64; L]],
-    p: &[[f32; L]],
-    kx: &mut [[f64; L]],
-    first: usize,
-) -> Sums<L> {
-    let mut sums = Sums::default();
-    for (kx, from) in kx.chunks_mut(STRIP).zip((first..).step_by(STRIP)) {
-        evaluate_strip(rows, x, kx, from);
-        let range = from..from + kx.len();
-        let (x, p, fixed) = (&x[range.clone()], &p[range.clone()], &rows.fixed()[range]);
-        for (((x, kx), p), &fixed) in x.iter().zip(&*kx).zip(p).zip(fixed) {
-            sums.add_row(x, kx, p, fixed);
-        }
-    }
-    sums
+/// How fields move: p = a z + b p, x += p.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Along<const L: usize> {
+    a: [f64; L],
+    b: [f64; L],
+    /// All bits where the factor is not zero: what stands in a column that is done must not count, whatever it is.
+    a_mask: [u64; L],
+    b_mask: [u64; L],
 }
 
-/// K x at consecutive rows.
-#[inline(always)]
-fn evaluate_strip<const L: usize>(rows: &Rows, x: &[[f64; L]], kx: &mut [[f64; L]], first: usize) {
-    for (kx, row) in kx.iter_mut().zip(first..) {
-        *kx = rows.product(row, x);
+impl<const L: usize> Along<L> {
+    pub(super) fn new(a: [f64; L], b: [f64; L]) -> Self {
+        let mask = |factors: [f64; L]| factors.map(|factor| if factor == 0.0 { 0 } else { u64::MAX });
+        Self { a, b, a_mask: mask(a), b_mask: mask(b) }
     }
-    for link in rows.links_of(first..first + kx.len()) {
-        let (kx, object) = (&mut kx[link.row as usize - first], &x[link.object_row as usize]);
+
+    #[inline(always)]
+    fn advance<Z: Copy + Into<f64>>(&self, x: &mut [[f64; L]], p: &mut [[f32; L]], z: &[[Z; L]]) {
+        let Self { a, b, a_mask, b_mask } = self;
+        for ((x, p), z) in x.iter_mut().zip(p).zip(z) {
+            for lane in 0..L {
+                let z = f64::from_bits(z[lane].into().to_bits() & a_mask[lane]);
+                let before = f64::from_bits(f64::from(p[lane]).to_bits() & b_mask[lane]);
+                let step = a[lane] * z + b[lane] * before;
+                x[lane] += step;
+                p[lane] = step as f32;
+            }
+        }
+    }
+}
+
+/// Rows that one thread walks along, from `first` on; objects are only read.
+struct Slab<'a, const L: usize, Z> {
+    first: usize,
+    x: &'a mut [[f64; L]],
+    p: &'a mut [[f32; L]],
+    z: &'a [[Z; L]],
+    objects: &'a [[f64; L]],
+    kx: &'a mut [[f64; L]],
+    sums: &'a mut [Sums<L>],
+}
+
+/// Moves all rows and evaluates the strips that take nothing from elsewhere.
+#[inline(always)]
+fn walk<const L: usize, Z: Copy + Into<f64>>(rows: &Rows, along: &Along<L>, slab: Slab<'_, L, Z>) {
+    let Slab { first, x, p, z, objects, kx, sums } = slab;
+    let mut moved = 0;
+    for (strip, (kx, sums)) in kx.chunks_mut(STRIP).zip(sums).enumerate() {
+        let at = strip * STRIP;
+        let reach = rows.reach((first + at) / STRIP);
+        let next = (reach.end - first).clamp(moved, x.len());
+        along.advance(&mut x[moved..next], &mut p[moved..next], &z[moved..next]);
+        moved = next;
+        if reach.start >= first && reach.end <= first + x.len() {
+            evaluate_strip(rows, x, first, objects, kx, first + at);
+            *sums = sum_strip(rows, &x[at..], &p[at..], kx, first + at);
+        }
+    }
+}
+
+/// Number of rows that one thread takes: whole strips.
+fn slab(rows: &Rows, workers: &Workers) -> usize {
+    rows.len().div_ceil(STRIP).div_ceil(workers.threads()).max(1) * STRIP
+}
+
+/// K x at consecutive rows from `from` on. The rows of x count from `first`.
+#[inline(always)]
+fn evaluate_strip<const L: usize>(
+    rows: &Rows,
+    x: &[[f64; L]],
+    first: usize,
+    objects: &[[f64; L]],
+    kx: &mut [[f64; L]],
+    from: usize,
+) {
+    for (kx, row) in kx.iter_mut().zip(from..) {
+        *kx = rows.product(row, x, first);
+    }
+    for link in rows.links_of(from..from + kx.len()) {
+        let (kx, object) =
+            (&mut kx[link.row as usize - from], &objects[link.object_row as usize - rows.len()]);
         for lane in 0..L {
             kx[lane] -= link.weight * object[lane];
         }
     }
 }
 
+/// The sums over consecutive rows from `from` on, where x and p start.
 #[inline(always)]
-fn curvatures_task<const L: usize, Z: Copy + Into<f64>>(
+fn sum_strip<const L: usize>(
+    rows: &Rows,
+    x: &[[f64; L]],
+    p: &[[f32; L]],
+    kx: &[[f64; L]],
+    from: usize,
+) -> Sums<L> {
+    let mut sums = Sums::default();
+    for (((x, kx), p), &fixed) in x.iter().zip(kx).zip(p).zip(&rows.fixed()[from..]) {
+        sums.add_row(x, kx, p, fixed);
+    }
+    sums
+}
+
+#[inline(always)]
+fn curvatures_of_strip<const L: usize, Z: Copy + Into<f64>>(
     rows: &Rows,
     z: &[[Z; L]],
     p: &[[f32; L]],
@@ -229,7 +331,7 @@ fn curvatures_task<const L: usize, Z: Copy + Into<f64>>(
 ) -> [[f64; L]; 2] {
     let mut sums = [[0.0; L]; 2];
     for row in range {
-        let kz = rows.product(row, z);
+        let kz = rows.product(row, z, 0);
         for lane in 0..L {
             sums[0][lane] += kz[lane] * z[row][lane].into();
             sums[1][lane] += kz[lane] * f64::from(p[row][lane]);

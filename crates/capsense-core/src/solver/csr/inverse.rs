@@ -2,6 +2,7 @@
 
 use super::super::{IncompleteCholesky, Preconditioner};
 use super::aggregation::{Hierarchy, Work};
+use super::columns::Columns;
 use super::direct::Direct;
 use super::rows::Rows;
 use crate::solver::workers::Workers;
@@ -125,6 +126,25 @@ impl<const L: usize> Inverse<L> {
             (_, Preconditioned::Single(z)) => Some(Approximate::Single(z)),
             (_, Preconditioned::Double(z)) => Some(Approximate::Double(z)),
             (_, Preconditioned::Work(work)) => work.solution_mut().map(Approximate::Single),
+        }
+    }
+
+    /// zᵀKz and zᵀKp of one group; of a hierarchy in single precision, because lengths of steps need not be exact.
+    pub(super) fn curvatures(
+        &mut self,
+        group: usize,
+        rows: &Rows,
+        columns: &mut Columns<L>,
+        workers: &Workers,
+    ) -> [[f64; L]; 2] {
+        match (&self.kind, &mut self.preconditioned[group]) {
+            (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => {
+                hierarchy.curvatures(work, &columns.p, workers)
+            }
+            (_, Preconditioned::Single(z)) => columns.curvatures(rows, z, workers),
+            (_, Preconditioned::Double(z)) => columns.curvatures(rows, z, workers),
+            // No other pair is ever made.
+            _ => [[0.0; L]; 2],
         }
     }
 

@@ -12,6 +12,7 @@ mod columns;
 mod direct;
 mod inverse;
 mod ordering;
+mod pattern;
 mod rows;
 #[cfg(test)]
 mod tests;
@@ -22,7 +23,7 @@ use super::operator::{Operator, State};
 use super::workers::Workers;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
-use columns::{Columns, Sums, add};
+use columns::{Along, Columns, Sums, add};
 use inverse::{Approximate, Inverse, Preconditioned};
 use rows::Rows;
 
@@ -182,12 +183,7 @@ impl<const L: usize> Solver<L> {
             rows,
             islands: Islands::default(),
             workers,
-            state: State {
-                energies: vec![0.0; columns * columns],
-                along: vec![0.0; columns],
-                residual: vec![0.0; columns],
-                charge: vec![0.0; columns],
-            },
+            state: State::new(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
             stale: Stale { rows: Vec::new(), marked: vec![false; nodes] },
         }
@@ -232,6 +228,10 @@ impl<const L: usize> Solver<L> {
             let sums = self.groups[index].evaluate(&self.rows, &self.workers);
             self.record(index, &sums);
         }
+        self.add_cross_energies();
+    }
+
+    fn add_cross_energies(&mut self) {
         for (a, b) in (0..self.groups.len()).flat_map(|b| (0..b).map(move |a| (a, b))) {
             let energies = cross_energies(&self.groups[a], &self.groups[b]);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
@@ -275,11 +275,7 @@ impl<const L: usize> Solver<L> {
     fn curvatures(&mut self) -> (&[f64], &[f64]) {
         let (rows, workers) = (&self.rows, &self.workers);
         for (index, group) in self.groups.iter_mut().enumerate() {
-            let [zz, zp] = match self.inverse.preconditioned(index) {
-                Preconditioned::Single(z) => group.curvatures(rows, z, workers),
-                Preconditioned::Double(z) => group.curvatures(rows, z, workers),
-                Preconditioned::Work(work) => group.curvatures(rows, work.solution(), workers),
-            };
+            let [zz, zp] = self.inverse.curvatures(index, rows, group, workers);
             spread(index, &zz, &mut self.products[0]);
             spread(index, &zp, &mut self.products[1]);
         }
@@ -287,15 +283,17 @@ impl<const L: usize> Solver<L> {
     }
 
     fn step(&mut self, a: &[f64], b: &[f64]) {
-        for (index, group) in self.groups.iter_mut().enumerate() {
-            let (a, b) = (lanes(a, index), lanes(b, index));
-            match self.inverse.preconditioned(index) {
-                Preconditioned::Single(z) => group.advance(z, &a, &b, &self.workers),
-                Preconditioned::Double(z) => group.advance(z, &a, &b, &self.workers),
-                Preconditioned::Work(work) => group.advance(work.solution(), &a, &b, &self.workers),
-            }
+        for index in 0..self.groups.len() {
+            let along = Along::new(lanes(a, index), lanes(b, index));
+            let (group, rows, workers) = (&mut self.groups[index], &self.rows, &self.workers);
+            let sums = match self.inverse.preconditioned(index) {
+                Preconditioned::Single(z) => group.step(rows, z, &along, workers),
+                Preconditioned::Double(z) => group.step(rows, z, &along, workers),
+                Preconditioned::Work(work) => group.step(rows, work.solution(), &along, workers),
+            };
+            self.record(index, &sums);
         }
-        self.evaluate();
+        self.add_cross_energies();
     }
 }
 

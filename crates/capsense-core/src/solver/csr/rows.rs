@@ -1,26 +1,28 @@
 //! K in compressed rows, in the solver's own order of the nodes.
 
 use super::ordering::reverse_cuthill_mckee;
+use super::pattern::{Part, Pattern};
 use crate::stiffness::StiffnessMatrix;
 use std::ops::Range;
+use std::sync::Arc;
 
-/// Rows are filled up to a multiple of this with weights of zero to themselves: loops of few different lengths are
-/// foreseen by the processor.
-const STRIDE: usize = 4;
+/// Rows that are evaluated together: what they take and give stays in the first cache.
+pub(super) const STRIP: usize = 256;
 
 /// The rows of all nodes: a Laplacian of weights, and its links to objects.
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
     /// The row of each node.
     row_of_node: Vec<u32>,
-    offsets: Vec<u32>,
-    /// The neighbours of each row, in the order in which the matrix lists them, and the weights to them.
-    columns: Vec<u32>,
+    /// Parts of a row keep the order in which the matrix lists the neighbours.
+    pattern: Arc<Pattern>,
     weights: Vec<f64>,
     diagonal: Vec<f64>,
     /// Sum of the weights of each row's links.
     link_sums: Vec<f64>,
     fixed: Vec<bool>,
+    /// Of each strip the first row and the end of those that it takes potentials from.
+    reach: Vec<[u32; 2]>,
     /// Ordered by row.
     links: Vec<RowLink>,
     /// Rows that the last refresh touched.
@@ -49,17 +51,14 @@ impl Rows {
         for (node, &row) in row_of_node.iter().enumerate() {
             node_of_row[row as usize] = node;
         }
-        let (mut offsets, mut columns) = (vec![0], Vec::new());
-        for (row, node) in node_of_row.into_iter().enumerate() {
-            columns.extend(matrix.row(node).map(|(other, _)| row_of_node[other]));
-            columns.resize(columns.len().next_multiple_of(STRIDE), row as u32);
-            offsets.push(columns.len() as u32);
-        }
+        let pattern = Pattern::new(nodes, |row, found| {
+            found.extend(matrix.row(node_of_row[row]).map(|(other, _)| row_of_node[other]));
+        });
         Self {
             row_of_node,
-            offsets,
-            weights: vec![0.0; columns.len()],
-            columns,
+            weights: vec![0.0; pattern.columns().len()],
+            reach: reach(&pattern),
+            pattern: Arc::new(pattern),
             diagonal: vec![0.0; nodes],
             link_sums: vec![0.0; nodes],
             fixed: vec![false; nodes],
@@ -92,13 +91,12 @@ impl Rows {
         for node in changed.map(|node| node as usize).filter(|&node| node < matrix.nodes()) {
             let row = self.row_of_node[node] as usize;
             self.mark(row);
-            let weights = &mut self.weights[self.offsets[row] as usize..];
-            weights.iter_mut().zip(matrix.row(node)).for_each(|(weight, (_, new))| *weight = new);
+            self.take_weights(row, matrix.row(node));
             self.diagonal[row] = matrix.diagonal(node);
             self.link_sums[row] = matrix.link_weight(node);
             if std::mem::replace(&mut self.fixed[row], fixed[node]) != fixed[node] {
                 for entry in self.entries(row) {
-                    self.mark(self.columns[entry] as usize);
+                    self.mark(self.pattern.columns()[entry] as usize);
                 }
             }
         }
@@ -112,6 +110,20 @@ impl Rows {
                 place,
             }));
             self.links.sort_unstable_by_key(|link| (link.row, link.place));
+        }
+    }
+
+    /// The weights to the neighbours, in the order of the matrix.
+    fn take_weights(&mut self, row: usize, neighbours: impl Iterator<Item = (usize, f64)>) {
+        let pattern = &self.pattern;
+        let [mut lower, mut higher, mut far] = [pattern.lower(row), pattern.higher(row), pattern.far(row)];
+        for (other, weight) in neighbours {
+            let entry = match pattern.part(row, self.row_of_node[other] as usize) {
+                Part::Lower => lower.next(),
+                Part::Higher => higher.next(),
+                Part::Far => far.next(),
+            };
+            entry.into_iter().for_each(|entry| self.weights[entry] = weight);
         }
     }
 
@@ -143,17 +155,27 @@ impl Rows {
         &self.link_sums
     }
 
+    /// Which entries there are.
+    pub(super) fn pattern(&self) -> &Arc<Pattern> {
+        &self.pattern
+    }
+
+    /// The rows that a strip takes potentials from lie in this range, and so does the strip.
+    pub(super) fn reach(&self, strip: usize) -> Range<usize> {
+        self.reach[strip][0] as usize..self.reach[strip][1] as usize
+    }
+
     /// Where the neighbours of a row are.
     #[inline(always)]
     pub(super) fn entries(&self, row: usize) -> Range<usize> {
-        self.offsets[row] as usize..self.offsets[row + 1] as usize
+        self.pattern.entries(row)
     }
 
     /// The neighbours of a row and the weights to them.
     #[inline(always)]
     pub(super) fn row(&self, row: usize) -> (&[u32], &[f64]) {
         let entries = self.entries(row);
-        (&self.columns[entries.clone()], &self.weights[entries])
+        (&self.pattern.columns()[entries.clone()], &self.weights[entries])
     }
 
     /// The weight at one entry.
@@ -172,22 +194,51 @@ impl Rows {
         &self.links[before(rows.start)..before(rows.end)]
     }
 
-    /// (K x) at one row without its links to objects other than at 0 V.
+    /// (K x) at one row without its links to objects other than at 0 V. The rows of x count from `first`.
     #[inline(always)]
-    pub(super) fn product<const L: usize, T: Copy + Into<f64>>(&self, row: usize, x: &[[T; L]]) -> [f64; L] {
+    pub(super) fn product<const L: usize, T: Copy + Into<f64>>(
+        &self,
+        row: usize,
+        x: &[[T; L]],
+        first: usize,
+    ) -> [f64; L] {
         let (columns, weights) = self.row(row);
+        let (column_pairs, last_column) = columns.as_chunks::<2>();
+        let (weight_pairs, last_weight) = weights.as_chunks::<2>();
         // Two sums, so that one does not wait for the other.
         let mut outward = [[0.0; L]; 2];
-        for (columns, weights) in columns.as_chunks::<STRIDE>().0.iter().zip(weights.as_chunks::<STRIDE>().0)
-        {
-            for entry in 0..STRIDE {
-                let x = &x[columns[entry] as usize];
-                for lane in 0..L {
-                    outward[entry % 2][lane] += weights[entry] * x[lane].into();
-                }
+        for (columns, weights) in column_pairs.iter().zip(weight_pairs) {
+            for entry in 0..2 {
+                add_product(&mut outward[entry], weights[entry], &x[columns[entry] as usize - first]);
             }
         }
-        let (x, diagonal) = (&x[row], self.diagonal[row]);
-        std::array::from_fn(|lane| diagonal * x[lane].into() - (outward[0][lane] + outward[1][lane]))
+        for (&column, &weight) in last_column.iter().zip(last_weight) {
+            add_product(&mut outward[0], weight, &x[column as usize - first]);
+        }
+        let mut product = [0.0; L];
+        let (x, diagonal) = (&x[row - first], self.diagonal[row]);
+        for lane in 0..L {
+            product[lane] = diagonal * x[lane].into() - (outward[0][lane] + outward[1][lane]);
+        }
+        product
     }
+}
+
+/// sum += weight x.
+#[inline(always)]
+fn add_product<const L: usize, T: Copy + Into<f64>>(sum: &mut [f64; L], weight: f64, x: &[T; L]) {
+    for lane in 0..L {
+        sum[lane] += weight * x[lane].into();
+    }
+}
+
+fn reach(pattern: &Pattern) -> Vec<[u32; 2]> {
+    let strips = (0..pattern.rows()).step_by(STRIP).map(|first| first..(first + STRIP).min(pattern.rows()));
+    let of_strip = |rows: Range<usize>| {
+        let columns =
+            &pattern.columns()[pattern.entries(rows.start).start..pattern.entries(rows.end - 1).end];
+        let own = [rows.start as u32, rows.end as u32];
+        columns.iter().fold(own, |[start, end], &column| [start.min(column), end.max(column + 1)])
+    };
+    strips.map(of_strip).collect()
 }

@@ -11,27 +11,36 @@ const HELD: f32 = 0.8;
 /// A neighbour is strongly coupled when its weight is at least this part of the node's largest.
 const STRONG: f32 = 0.25;
 
-/// The neighbours of every row of a level, lower and higher, and the weights to them.
+/// The neighbours of every row of a level and the weights to them.
 pub(super) struct Graph {
     offsets: Vec<usize>,
     neighbours: Vec<(u32, f32)>,
     free: Vec<bool>,
+    /// Rows of different blocks form no pairs, so that restriction can go block by block.
+    block: Vec<u32>,
 }
 
 impl Graph {
     pub(super) fn of(level: &Level) -> Self {
         // The inverse of the diagonal times the leak is the part of the diagonal that leads to fixed potentials.
         let loose = |row: usize| level.inverse[row] != 0.0 && level.leak[row] * level.inverse[row] < HELD;
-        let ends = (0..level.rows())
-            .flat_map(|row| level.edges[level.lower(row)].iter().map(move |edge| (row, edge)));
-        let both = ends.flat_map(|(row, edge)| {
-            [(row as u32, edge.row, edge.weight), (edge.row, row as u32, edge.weight)]
-        });
-        Self::new(both.collect(), (0..level.rows()).map(loose).collect())
+        let pattern = &level.pattern;
+        let around = |row: usize| {
+            pattern
+                .entries(row)
+                .map(move |entry| (row as u32, pattern.columns()[entry], level.weights[entry]))
+        };
+        let blocks = (0..level.rows()).map(|row| (row / pattern.block()) as u32);
+        Self::new(
+            (0..level.rows()).flat_map(around).collect(),
+            (0..level.rows()).map(loose).collect(),
+            blocks.collect(),
+        )
     }
 
     /// From the weights between rows, which are added up.
-    fn new(mut weights: Vec<(u32, u32, f32)>, free: Vec<bool>) -> Self {
+    fn new(mut weights: Vec<(u32, u32, f32)>, free: Vec<bool>, block: Vec<u32>) -> Self {
+        weights.retain(|&(row, other, _)| block[row as usize] == block[other as usize]);
         weights.sort_by_key(|&(row, other, _)| (row, other));
         let mut offsets = vec![0; free.len() + 1];
         let mut neighbours = Vec::with_capacity(weights.len());
@@ -40,7 +49,7 @@ impl Graph {
             offsets[same[0].0 as usize + 1] = neighbours.len();
         }
         (1..offsets.len()).for_each(|row| offsets[row] = offsets[row].max(offsets[row - 1]));
-        Self { offsets, neighbours, free }
+        Self { offsets, neighbours, free, block }
     }
 
     fn neighbours(&self, row: usize) -> &[(u32, f32)] {
@@ -50,7 +59,11 @@ impl Graph {
     /// The graph of the aggregates.
     fn merged(&self, aggregate: &[u32], count: usize) -> Self {
         let mut weights = Vec::with_capacity(self.neighbours.len());
+        let mut block = vec![0; count];
         for (row, &own) in aggregate.iter().enumerate() {
+            if let Some(block) = block.get_mut(own as usize) {
+                *block = self.block[row];
+            }
             for &(other, weight) in self.neighbours(row) {
                 let other = aggregate[other as usize];
                 if own != NONE && other != NONE && own != other {
@@ -58,7 +71,7 @@ impl Graph {
                 }
             }
         }
-        Self::new(weights, vec![true; count])
+        Self::new(weights, vec![true; count], block)
     }
 
     /// Joins each row to the one left over that it is coupled to most; those that stay alone join a pair.
@@ -92,7 +105,8 @@ impl Graph {
     }
 }
 
-/// The aggregate of each row and their number: pairs, pairs of pairs, and so on.
+/// The aggregate of each row and their number: pairs, pairs of pairs, and so on, none in more than one block. They are
+/// ordered by their first rows.
 pub(super) fn aggregates(level: &Level) -> (Vec<u32>, usize) {
     let mut graph = Graph::of(level);
     let (mut pair_of, mut pairs) = graph.pairs();
@@ -101,6 +115,15 @@ pub(super) fn aggregates(level: &Level) -> (Vec<u32>, usize) {
         graph = graph.merged(&pair_of, pairs);
         (pair_of, pairs) = graph.pairs();
         aggregate.iter_mut().filter(|own| **own != NONE).for_each(|own| *own = pair_of[*own as usize]);
+    }
+    let (mut place, mut count) = (vec![NONE; pairs], 0);
+    for own in aggregate.iter_mut().filter(|own| **own != NONE) {
+        let place = &mut place[*own as usize];
+        if *place == NONE {
+            *place = count;
+            count += 1;
+        }
+        *own = *place;
     }
     (aggregate, pairs)
 }

@@ -21,11 +21,10 @@ impl Coarsest {
         self.factor.resize(n * n, 0.0);
         for row in 0..n {
             self.factor[row * n + row] += f64::from(level.leak[row]);
-            for edge in &level.edges[level.lower(row)] {
-                let (other, weight) = (edge.row as usize, f64::from(edge.weight));
-                self.factor[row * n + other] = -weight;
+            for entry in level.pattern.entries(row) {
+                let weight = f64::from(level.weights[entry]);
+                self.factor[row * n + level.pattern.columns()[entry] as usize] = -weight;
                 self.factor[row * n + row] += weight;
-                self.factor[other * n + other] += weight;
             }
         }
         self.factorise();
@@ -52,21 +51,22 @@ impl Coarsest {
         self.rows > 0
     }
 
-    /// Replaces b with the solution of K x = b; returns whether there was one.
+    /// The solution x of K x = b; returns whether there was one.
     pub(super) fn solve<const L: usize>(&self, vectors: &mut Vectors<L>) -> bool {
         let n = self.rows;
-        let b = &mut vectors.b;
+        let Vectors { b, x, .. } = vectors;
         for row in 0..n {
+            x[row] = b[row];
             for other in 0..row {
                 let factor = self.factor[row * n + other] as f32;
-                b[row] = std::array::from_fn(|lane| b[row][lane] - factor * b[other][lane]);
+                x[row] = std::array::from_fn(|lane| x[row][lane] - factor * x[other][lane]);
             }
         }
         for row in (0..n).rev() {
-            b[row] = b[row].map(|b| b * self.factor[row * n + row] as f32);
+            x[row] = x[row].map(|x| x * self.factor[row * n + row] as f32);
             for other in row + 1..n {
                 let factor = self.factor[other * n + row] as f32;
-                b[row] = std::array::from_fn(|lane| b[row][lane] - factor * b[other][lane]);
+                x[row] = std::array::from_fn(|lane| x[row][lane] - factor * x[other][lane]);
             }
         }
         self.is_exact()

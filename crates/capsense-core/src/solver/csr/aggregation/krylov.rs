@@ -3,72 +3,127 @@
 //! One cycle with piecewise constant corrections loses quality with every level. Two, joined as two steps of conjugate
 //! gradients, do not (the K-cycle of Notay and Vassilevski 2008), and on a coarse level they cost little.
 
+use super::super::columns::add;
 use super::level::{Level, Vectors};
-use crate::solver::workers::vectorised;
+use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 
-/// What must outlive the second cycle.
+/// What must outlive the second cycle: the first correction and K times it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Krylov<const L: usize> {
-    /// The right-hand side, later the residual after the first correction.
-    r: Vec<[f32; L]>,
-    /// The first correction and K times it.
     first: Vec<[f32; L]>,
     k_first: Vec<[f32; L]>,
-    k_second: Vec<[f32; L]>,
+    /// Sums over the rows of each task.
+    partial: Vec<[[f64; L]; 3]>,
 }
 
 impl<const L: usize> Krylov<L> {
     pub(super) fn new(rows: usize) -> Self {
         let zeros = || vec![[0.0; L]; rows];
-        Self { r: zeros(), first: zeros(), k_first: zeros(), k_second: zeros() }
+        Self { first: zeros(), k_first: zeros(), partial: vec![[[0.0; L]; 3]; rows.div_ceil(TASK_ROWS)] }
     }
 
-    /// b = approximately K⁻¹ b by two runs of a cycle that does the same less well.
+    /// x = approximately K⁻¹ b by two runs of a cycle that does the same less well. Leaves the residual of the first in b.
     pub(super) fn solve(
         &mut self,
         level: &Level,
         levels: &mut [Vectors<L>],
+        workers: &Workers,
         cycle: impl Fn(&mut [Vectors<L>]),
     ) {
-        self.r.copy_from_slice(&levels[0].b);
         cycle(levels);
-        self.first.copy_from_slice(&levels[0].b);
-        let (curvature, along) = vectorised(
-            #[inline(always)]
-            || {
-                level.product(&self.first, &mut self.k_first);
-                (dot(&self.first, &self.k_first), dot(&self.first, &self.r))
-            },
-        );
-        let length: [f64; L] = std::array::from_fn(|lane| quotient(along[lane], curvature[lane]));
-        let part = length.map(|length| length as f32);
-        for ((r, k), b) in self.r.iter_mut().zip(&self.k_first).zip(&mut levels[0].b) {
-            for lane in 0..L {
-                r[lane] -= part[lane] * k[lane];
-            }
-            *b = *r;
+        let Vectors { x, b, .. } = &mut levels[0];
+        std::mem::swap(x, &mut self.first);
+        let [along, curvature] = self.products_of_first(level, b, workers);
+        let mut length = [0.0; L];
+        for lane in 0..L {
+            length[lane] = quotient(along[lane], curvature[lane]);
         }
+        let part = length.map(|length| -length as f32);
+        let tasks = b.chunks_mut(TASK_ROWS).zip(self.k_first.chunks(TASK_ROWS));
+        workers.for_each(tasks, |(b, k_first)| combine(b, &[1.0; L], k_first, &part));
         cycle(levels);
-        let second = &mut levels[0].b;
-        let (mixed, own, along) = vectorised(
-            #[inline(always)]
-            || {
-                level.product(second, &mut self.k_second);
-                (dot(second, &self.k_first), dot(second, &self.k_second), dot(second, &self.r))
-            },
-        );
-        let of_second: [f64; L] = std::array::from_fn(|lane| {
-            quotient(along[lane], own[lane] - quotient(mixed[lane] * mixed[lane], curvature[lane]))
-        });
-        let of_first: [f32; L] = std::array::from_fn(|lane| {
-            (length[lane] - quotient(mixed[lane] * of_second[lane], curvature[lane])) as f32
-        });
-        for (second, first) in second.iter_mut().zip(&self.first) {
-            for lane in 0..L {
-                second[lane] = of_first[lane] * first[lane] + of_second[lane] as f32 * second[lane];
-            }
+        let Vectors { x, b, .. } = &mut levels[0];
+        let [mixed, own, along] = self.products_of_second(level, x, b, workers);
+        let (mut of_first, mut of_second) = ([0.0; L], [0.0; L]);
+        for lane in 0..L {
+            let independent = own[lane] - quotient(mixed[lane] * mixed[lane], curvature[lane]);
+            let second = quotient(along[lane], independent);
+            of_first[lane] = (length[lane] - quotient(mixed[lane] * second, curvature[lane])) as f32;
+            of_second[lane] = second as f32;
         }
+        let tasks = x.chunks_mut(TASK_ROWS).zip(self.first.chunks(TASK_ROWS));
+        workers.for_each(tasks, |(x, first)| combine(x, &of_second, first, &of_first));
     }
+
+    /// K times the first correction; its products with b and with itself.
+    fn products_of_first(&mut self, level: &Level, b: &[[f32; L]], workers: &Workers) -> [[f64; L]; 2] {
+        let Self { first: x, k_first, partial } = self;
+        let tasks = k_first.chunks_mut(TASK_ROWS).zip(partial.iter_mut()).zip((0..).step_by(TASK_ROWS));
+        workers.for_each(tasks, |((k_first, sums), from)| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    *sums = [[0.0; L]; 3];
+                    for (k_first, row) in k_first.iter_mut().zip(from..) {
+                        *k_first = level.product(row, x);
+                        add_products(&mut sums[0], &x[row], &b[row]);
+                        add_products(&mut sums[1], &x[row], k_first);
+                    }
+                },
+            );
+        });
+        let [along, curvature, _] = total(partial);
+        [along, curvature]
+    }
+
+    /// The products of the second correction with K times the first, K times itself, and b.
+    fn products_of_second(
+        &mut self,
+        level: &Level,
+        x: &[[f32; L]],
+        b: &[[f32; L]],
+        workers: &Workers,
+    ) -> [[f64; L]; 3] {
+        let tasks = self.partial.iter_mut().zip((0..).step_by(TASK_ROWS));
+        let k_first = &self.k_first;
+        workers.for_each(tasks, |(sums, from)| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    *sums = [[0.0; L]; 3];
+                    for row in from..(from + TASK_ROWS).min(x.len()) {
+                        add_products(&mut sums[0], &x[row], &k_first[row]);
+                        add_products(&mut sums[1], &x[row], &level.product(row, x));
+                        add_products(&mut sums[2], &x[row], &b[row]);
+                    }
+                },
+            );
+        });
+        total(&self.partial)
+    }
+}
+
+/// a = α a + β b.
+fn combine<const L: usize>(a: &mut [[f32; L]], alpha: &[f32; L], b: &[[f32; L]], beta: &[f32; L]) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for (a, b) in a.iter_mut().zip(b) {
+                for lane in 0..L {
+                    a[lane] = alpha[lane] * a[lane] + beta[lane] * b[lane];
+                }
+            }
+        },
+    );
+}
+
+/// The sums of all tasks, in the order of the rows.
+fn total<const L: usize>(partial: &[[[f64; L]; 3]]) -> [[f64; L]; 3] {
+    let mut sums = [[0.0; L]; 3];
+    for part in partial {
+        sums.iter_mut().zip(part).for_each(|(sum, part)| add(sum, part));
+    }
+    sums
 }
 
 /// Zero where there is no curvature, and so nothing to be gained.
@@ -77,12 +132,8 @@ fn quotient(along: f64, curvature: f64) -> f64 {
 }
 
 #[inline(always)]
-fn dot<const L: usize>(a: &[[f32; L]], b: &[[f32; L]]) -> [f64; L] {
-    let mut sums = [0.0; L];
-    for (a, b) in a.iter().zip(b) {
-        for lane in 0..L {
-            sums[lane] += f64::from(a[lane] * b[lane]);
-        }
+fn add_products<const L: usize>(sums: &mut [f64; L], a: &[f32; L], b: &[f32; L]) {
+    for lane in 0..L {
+        sums[lane] += f64::from(a[lane] * b[lane]);
     }
-    sums
 }

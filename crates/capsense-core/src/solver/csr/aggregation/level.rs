@@ -1,116 +1,96 @@
 //! One level of the aggregation hierarchy: a network of any shape in single precision, and Gauss-Seidel on it.
 //!
-//! Every edge is stored once, with the higher of its rows. A sweep reads it once, too: at the higher row, what the lower
-//! rows bring is gathered, the row is relaxed, and what that adds to the residuals of the lower rows is handed back.
-//!
-//! Rows form blocks of a fixed size which do not see what a sweep does in others, so that threads can share them without
-//! changing a bit of the result.
+//! A forward sweep that starts from zero reads only lower neighbours, and what it leaves of the residual comes only from
+//! the others. So a symmetric pair of sweeps with the residual between them reads every weight twice.
 
+use super::super::pattern::Pattern;
 use super::krylov::Krylov;
-use crate::solver::workers::{Workers, vectorised};
+use super::transfer::Transfer;
+use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 use std::ops::Range;
+use std::sync::Arc;
 
-/// Rows that are swept one after another.
-pub(super) const BLOCK: usize = 16_384;
-
-/// No aggregate, or no edge.
+/// No aggregate.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// The network, with fixed nodes eliminated: their weights are leaks of their neighbours.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
-    /// Where the edges of each row to lower ones start: first those to rows of its own block.
-    offsets: Vec<u32>,
-    /// Where those to other blocks start.
-    far: Vec<u32>,
-    pub(super) edges: Vec<Edge>,
-    /// Edges to higher rows in other blocks.
-    higher_offsets: Vec<u32>,
-    higher: Vec<Higher>,
+    pub(super) pattern: Arc<Pattern>,
+    /// Of each entry.
+    pub(super) weights: Vec<f32>,
     /// Weight to everything at a fixed potential.
     pub(super) leak: Vec<f32>,
-    diagonal: Vec<f32>,
     /// Inverse of the diagonal; zero where the potential is fixed.
     pub(super) inverse: Vec<f32>,
-}
-
-/// A weight and the lower of the two rows it lies between.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Edge {
-    pub(super) row: u32,
-    pub(super) weight: f32,
-}
-
-/// A row and the edge to it.
-#[derive(Clone, Copy, Debug)]
-struct Higher {
-    row: u32,
-    edge: u32,
-}
-
-/// Correction and residual of one row, side by side because they are used together.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Node<const L: usize> {
-    pub(super) x: [f32; L],
-    pub(super) r: [f32; L],
 }
 
 /// The vectors of one level.
 #[derive(Clone, Debug)]
 pub(super) struct Vectors<const L: usize> {
-    pub(super) nodes: Vec<Node<L>>,
-    /// The right-hand side, in the end the solution.
+    pub(super) x: Vec<[f32; L]>,
+    /// The right-hand side; the finest level has it from elsewhere.
     pub(super) b: Vec<[f32; L]>,
+    /// What the rows of the border take from other blocks.
+    far: Vec<[f32; L]>,
+    /// xᵀb of each block after a cycle.
+    pub(super) products: Vec<[f64; L]>,
     /// On levels that are visited twice.
     pub(super) krylov: Option<Box<Krylov<L>>>,
 }
 
 impl<const L: usize> Vectors<L> {
-    pub(super) fn new(rows: usize, twice: bool) -> Self {
+    pub(super) fn new(level: &Level, finest: bool, twice: bool) -> Self {
+        let rows = level.rows();
         Self {
-            nodes: vec![Node { x: [0.0; L], r: [0.0; L] }; rows],
-            b: vec![[0.0; L]; rows],
+            x: vec![[0.0; L]; rows],
+            b: vec![[0.0; L]; if finest { 0 } else { rows }],
+            far: vec![[0.0; L]; level.pattern.border().len()],
+            products: vec![[0.0; L]; level.pattern.blocks()],
             krylov: twice.then(|| Box::new(Krylov::new(rows))),
         }
     }
 }
 
+/// The right-hand side of a row: the level's own, or what is given for the finest.
+pub(super) trait RightHandSide<const L: usize>: Sync {
+    /// b at a row; `own` is that of the level.
+    fn at(&self, own: &[[f32; L]], row: usize) -> [f32; L];
+}
+
+/// The level's own.
+pub(super) struct Own;
+
+impl<const L: usize> RightHandSide<L> for Own {
+    #[inline(always)]
+    fn at(&self, own: &[[f32; L]], row: usize) -> [f32; L] {
+        own[row]
+    }
+}
+
+/// -K x of the fields, which is zero on fixed rows only after it was multiplied with the inverse of their diagonal.
+pub(super) struct Residual<'a, const L: usize>(pub(super) &'a [[f64; L]]);
+
+impl<const L: usize> RightHandSide<L> for Residual<'_, L> {
+    #[inline(always)]
+    fn at(&self, _: &[[f32; L]], row: usize) -> [f32; L] {
+        let mut b = [0.0; L];
+        for (b, kx) in b.iter_mut().zip(&self.0[row]) {
+            *b = -*kx as f32;
+        }
+        b
+    }
+}
+
 impl Level {
-    /// A network whose weights still are zero. `lower` visits the lower neighbours of a row.
-    pub(super) fn new(rows: usize, lower: impl Fn(usize, &mut Vec<u32>)) -> Self {
-        let (mut offsets, mut far, mut edges) = (vec![0], Vec::new(), Vec::new());
-        let mut crossing = Vec::new();
-        let mut around = Vec::new();
-        for row in 0..rows {
-            around.clear();
-            lower(row, &mut around);
-            let block = (row / BLOCK * BLOCK) as u32;
-            let mut push = |other: u32| edges.push(Edge { row: other, weight: 0.0 });
-            around.iter().filter(|&&other| other >= block).for_each(|&other| push(other));
-            around.iter().filter(|&&other| other < block).for_each(|&other| push(other));
-            let first_far = offsets[row] + around.iter().filter(|&&other| other >= block).count() as u32;
-            far.push(first_far);
-            offsets.push(edges.len() as u32);
-            crossing
-                .extend((first_far..edges.len() as u32).map(|edge| (edges[edge as usize].row, edge, row)));
-        }
-        crossing.sort_unstable();
-        let before = |row: usize| crossing.partition_point(|crossing| (crossing.0 as usize) < row) as u32;
-        Self {
-            higher_offsets: (0..=rows).map(before).collect(),
-            higher: crossing.iter().map(|&(_, edge, row)| Higher { row: row as u32, edge }).collect(),
-            offsets,
-            far,
-            edges,
-            leak: vec![0.0; rows],
-            diagonal: vec![0.0; rows],
-            inverse: vec![0.0; rows],
-        }
+    /// A network whose weights still are zero.
+    pub(super) fn new(pattern: Arc<Pattern>) -> Self {
+        let (rows, entries) = (pattern.rows(), pattern.columns().len());
+        Self { pattern, weights: vec![0.0; entries], leak: vec![0.0; rows], inverse: vec![0.0; rows] }
     }
 
     /// Sets the diagonal of a row; zero where nothing is unknown.
     pub(super) fn set_diagonal(&mut self, row: usize, diagonal: f64) {
-        self.diagonal[row] = diagonal as f32;
         self.inverse[row] = if diagonal > 0.0 { (1.0 / diagonal) as f32 } else { 0.0 };
     }
 
@@ -118,163 +98,283 @@ impl Level {
         self.inverse.len()
     }
 
-    /// The edges of a row to lower ones.
-    #[inline(always)]
-    pub(super) fn lower(&self, row: usize) -> Range<usize> {
-        self.offsets[row] as usize..self.offsets[row + 1] as usize
-    }
-
-    /// Those within its block.
-    #[inline(always)]
-    fn near(&self, row: usize) -> &[Edge] {
-        &self.edges[self.offsets[row] as usize..self.far[row] as usize]
-    }
-
-    /// x = one forward sweep on K x = b from zero, and r = b - K x after it but for what other blocks add.
+    /// x = one forward sweep on K x = b from zero, and what it leaves of the residual summed up for the coarser level.
     pub(super) fn sweep_forward<const L: usize>(
         &self,
-        Vectors { nodes, b, .. }: &mut Vectors<L>,
+        vectors: &mut Vectors<L>,
+        coarse: Option<(&Transfer, &mut [[f32; L]])>,
         workers: &Workers,
-        right_hand_side: impl Fn(usize) -> Option<[f32; L]> + Sync,
+        b: &impl RightHandSide<L>,
     ) {
-        let tasks = nodes.chunks_mut(BLOCK).zip(b.chunks_mut(BLOCK)).zip((0..).step_by(BLOCK));
-        workers.for_each(tasks, |((nodes, b), first)| {
+        let Vectors { x, b: own, .. } = vectors;
+        let (size, own) = (self.pattern.block(), own.as_slice());
+        let blocks = x.chunks_mut(size).zip((0..).step_by(size));
+        let Some((transfer, coarse)) = coarse else {
+            return workers.for_each(blocks, |(x, first)| {
+                vectorised(
+                    #[inline(always)]
+                    || self.sweep_block_forward(x, first, own, b),
+                );
+            });
+        };
+        workers.for_each(blocks.zip(transfer.cut(coarse)), |((x, first), (first_coarse, coarse))| {
             vectorised(
                 #[inline(always)]
                 || {
-                    for at in 0..nodes.len() {
-                        if let Some(new) = right_hand_side(first + at) {
-                            b[at] = new;
-                        }
-                        let (near, inverse) = (self.near(first + at), self.inverse[first + at]);
-                        let x = relaxed(near, first, nodes, b[at], inverse);
-                        scatter(near, first, nodes, &x);
-                        nodes[at] = Node { x, r: [0.0; L] };
-                    }
+                    self.sweep_block_forward(x, first, own, b);
+                    coarse.fill([0.0; L]);
+                    transfer.restrict(
+                        coarse,
+                        first_coarse,
+                        first..first + x.len(),
+                        #[inline(always)]
+                        |row| self.sum(self.pattern.higher(row), x, first),
+                    );
                 },
             );
         });
-    }
-
-    /// b = one backward sweep on K x = b from the given x; r must be zero. `visit` sees every row of the solution.
-    pub(super) fn sweep_backward<const L: usize, S: Send>(
-        &self,
-        Vectors { nodes, b, .. }: &mut Vectors<L>,
-        workers: &Workers,
-        sums: &mut [S],
-        visit: impl Fn(&mut S, usize, &[f32; L]) + Sync,
-    ) {
-        if !self.higher.is_empty() {
-            self.add_far(nodes, b, workers);
+        if !self.pattern.border().is_empty() {
+            self.restrict_border(x, transfer, coarse, workers);
         }
-        let tasks = nodes.chunks_mut(BLOCK).zip(b.chunks_mut(BLOCK)).zip((0..).step_by(BLOCK)).zip(sums);
-        workers.for_each(tasks, |(((nodes, b), first), sum)| {
+    }
+
+    #[inline(always)]
+    fn sweep_block_forward<const L: usize>(
+        &self,
+        x: &mut [[f32; L]],
+        first: usize,
+        own: &[[f32; L]],
+        b: &impl RightHandSide<L>,
+    ) {
+        let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
+        for at in 0..x.len() {
+            let row = first + at;
+            let mut sum = b.at(own, row);
+            entries.gather(self.pattern.lower(row), x, first, &mut sum);
+            x[at] = scaled(sum, inverse[at]);
+        }
+    }
+
+    /// Adds the part of the residual that comes from other blocks.
+    fn restrict_border<const L: usize>(
+        &self,
+        x: &[[f32; L]],
+        transfer: &Transfer,
+        coarse: &mut [[f32; L]],
+        workers: &Workers,
+    ) {
+        let size = self.pattern.block();
+        workers.for_each(transfer.cut(coarse).zip((0..).step_by(size)), |((first_coarse, coarse), first)| {
             vectorised(
                 #[inline(always)]
                 || {
-                    for at in (0..nodes.len()).rev() {
-                        let (near, inverse) = (self.near(first + at), self.inverse[first + at]);
-                        let from_higher = nodes[at].r;
-                        let b_here: [f32; L] = std::array::from_fn(|lane| b[at][lane] + from_higher[lane]);
-                        let x = relaxed(near, first, nodes, b_here, inverse);
-                        scatter(near, first, nodes, &x);
-                        b[at] = x;
-                        visit(sum, first + at, &x);
+                    let border = self.border_before(first)..self.border_before(first + size);
+                    for row in self.pattern.border()[border].iter().map(|&row| row as usize) {
+                        transfer.restrict(
+                            coarse,
+                            first_coarse,
+                            row..row + 1,
+                            #[inline(always)]
+                            |row| self.sum(self.pattern.far(row), x, 0),
+                        );
                     }
                 },
             );
         });
     }
 
-    /// y = K x.
+    /// Takes over the correction of the coarser level, if there is one, and then x = one backward sweep on K x = b.
+    /// Sums up xᵀb.
+    pub(super) fn sweep_backward<const L: usize>(
+        &self,
+        vectors: &mut Vectors<L>,
+        coarse: Option<(&Transfer, &[[f32; L]])>,
+        workers: &Workers,
+        b: &impl RightHandSide<L>,
+    ) {
+        self.collect_far(vectors, coarse, workers);
+        let Vectors { x, b: own, far, products, .. } = vectors;
+        let (size, own, far) = (self.pattern.block(), own.as_slice(), far.as_slice());
+        let tasks = x.chunks_mut(size).zip(products).zip((0..).step_by(size));
+        workers.for_each(tasks, |((x, product), first)| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    if let Some((transfer, correction)) = coarse {
+                        transfer.prolong(x, first, correction);
+                    }
+                    let mut border = self.border_before(first + x.len());
+                    let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
+                    let mut sum = [0.0; L];
+                    for at in (0..x.len()).rev() {
+                        let row = first + at;
+                        let given = b.at(own, row);
+                        let mut b = given;
+                        if border > 0 && self.pattern.border()[border - 1] as usize == row {
+                            border -= 1;
+                            add(&mut b, &far[border]);
+                        }
+                        entries.gather(self.pattern.near(row), x, first, &mut b);
+                        x[at] = scaled(b, inverse[at]);
+                        for lane in 0..L {
+                            sum[lane] += f64::from(given[lane]) * f64::from(x[at][lane]);
+                        }
+                    }
+                    *product = sum;
+                },
+            );
+        });
+    }
+
+    /// How many rows of the border are before a row.
+    fn border_before(&self, row: usize) -> usize {
+        self.pattern.border().partition_point(|&border| (border as usize) < row)
+    }
+
+    /// What the rows of the border take from other blocks after the correction, before the sweep changes it.
+    fn collect_far<const L: usize>(
+        &self,
+        vectors: &mut Vectors<L>,
+        coarse: Option<(&Transfer, &[[f32; L]])>,
+        workers: &Workers,
+    ) {
+        let Vectors { x, far, .. } = vectors;
+        let (x, border) = (x.as_slice(), self.pattern.border());
+        let tasks = far.chunks_mut(TASK_ROWS).zip(border.chunks(TASK_ROWS));
+        workers.for_each(tasks, |(far, border)| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (far, &row) in far.iter_mut().zip(border) {
+                        *far = [0.0; L];
+                        for entry in self.pattern.far(row as usize) {
+                            let other = self.pattern.columns()[entry] as usize;
+                            let mut x = x[other];
+                            if let Some((transfer, correction)) = coarse {
+                                transfer.correct(&mut x, other, correction);
+                            }
+                            add_product(far, self.weights[entry], &x);
+                        }
+                    }
+                },
+            );
+        });
+    }
+
+    /// Σ w x over some entries. The rows of x count from `first`.
     #[inline(always)]
-    pub(super) fn product<const L: usize>(&self, x: &[[f32; L]], y: &mut [[f32; L]]) {
-        for row in 0..self.rows() {
-            let here = x[row];
-            let diagonal = self.diagonal[row];
-            let mut sum = here.map(|x| diagonal * x);
-            for edge in &self.edges[self.lower(row)] {
-                let (x, y) = (&x[edge.row as usize], &mut y[edge.row as usize]);
-                for lane in 0..L {
-                    sum[lane] -= edge.weight * x[lane];
-                    y[lane] -= edge.weight * here[lane];
+    fn sum<const L: usize>(&self, entries: Range<usize>, x: &[[f32; L]], first: usize) -> [f32; L] {
+        let mut sum = [0.0; L];
+        self.entries().gather(entries, x, first, &mut sum);
+        sum
+    }
+
+    #[inline(always)]
+    fn entries(&self) -> Entries<'_> {
+        let columns = self.pattern.columns();
+        Entries { columns, weights: &self.weights[..columns.len()] }
+    }
+
+    /// (K x) at one row, by differences: no more is lost than the weights are rounded.
+    #[inline(always)]
+    pub(super) fn product<const L: usize>(&self, row: usize, x: &[[f32; L]]) -> [f32; L] {
+        let here = &x[row];
+        let mut sum = [0.0; L];
+        add_product(&mut sum, self.leak[row], here);
+        let entries = self.pattern.entries(row);
+        for (&column, &weight) in self.pattern.columns()[entries.clone()].iter().zip(&self.weights[entries]) {
+            let there = &x[column as usize];
+            for lane in 0..L {
+                sum[lane] += weight * (here[lane] - there[lane]);
+            }
+        }
+        sum
+    }
+
+    /// zᵀKz and zᵀKp of some rows' share in the energy: their leaks, and every edge once or half at both ends.
+    #[inline(always)]
+    pub(super) fn curvatures<const L: usize>(
+        &self,
+        rows: Range<usize>,
+        z: &[[f32; L]],
+        p: &[[f32; L]],
+    ) -> [[f64; L]; 2] {
+        let mut sums = [[0.0; L]; 2];
+        for row in rows {
+            let mut of_row = [[0.0; L]; 2];
+            for lane in 0..L {
+                let leak = self.leak[row] * z[row][lane];
+                of_row[0][lane] = leak * z[row][lane];
+                of_row[1][lane] = leak * p[row][lane];
+            }
+            for (entries, part) in [(self.pattern.lower(row), 1.0), (self.pattern.far(row), 0.5)] {
+                for entry in entries {
+                    let (other, weight) =
+                        (self.pattern.columns()[entry] as usize, part * self.weights[entry]);
+                    for lane in 0..L {
+                        let along = z[row][lane] - z[other][lane];
+                        let flux = weight * along;
+                        of_row[0][lane] += flux * along;
+                        of_row[1][lane] += flux * (p[row][lane] - p[other][lane]);
+                    }
                 }
             }
-            y[row] = sum;
-        }
-    }
-
-    /// Adds to b what the rows of other blocks bring.
-    fn add_far<const L: usize>(&self, nodes: &[Node<L>], b: &mut [[f32; L]], workers: &Workers) {
-        workers.for_each(b.chunks_mut(BLOCK).zip((0..).step_by(BLOCK)), |(b, first)| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    for (b, row) in b.iter_mut().zip(first..) {
-                        self.gather_far(row, nodes, b);
-                    }
-                },
-            );
-        });
-    }
-
-    /// sum += Σ w x over the neighbours of a row in other blocks.
-    #[inline(always)]
-    pub(super) fn gather_far<const L: usize>(&self, row: usize, nodes: &[Node<L>], sum: &mut [f32; L]) {
-        let far = self.far[row] as usize..self.offsets[row + 1] as usize;
-        gather(&self.edges[far], 0, nodes, sum);
-        let higher = self.higher_offsets[row] as usize..self.higher_offsets[row + 1] as usize;
-        for higher in &self.higher[higher] {
-            let (x, weight) = (&nodes[higher.row as usize].x, self.edges[higher.edge as usize].weight);
             for lane in 0..L {
-                sum[lane] += weight * x[lane];
+                sums[0][lane] += f64::from(of_row[0][lane]);
+                sums[1][lane] += f64::from(of_row[1][lane]);
             }
         }
+        sums
     }
 }
 
-/// (b + Σ w x) / d.
-#[inline(always)]
-fn relaxed<const L: usize>(
-    near: &[Edge],
-    first: usize,
-    nodes: &[Node<L>],
-    mut b: [f32; L],
-    inverse: f32,
-) -> [f32; L] {
-    gather(near, first, nodes, &mut b);
-    b.map(|sum| inverse * sum)
+/// The entries of a level, at hand for a sweep.
+#[derive(Clone, Copy)]
+struct Entries<'a> {
+    columns: &'a [u32],
+    weights: &'a [f32],
+}
+
+impl Entries<'_> {
+    /// sum += Σ w x over some entries. The rows of x count from `first`.
+    #[inline(always)]
+    fn gather<const L: usize>(self, entries: Range<usize>, x: &[[f32; L]], first: usize, sum: &mut [f32; L]) {
+        let columns = &self.columns[entries.clone()];
+        let (column_pairs, last_column) = columns.as_chunks::<2>();
+        let (weight_pairs, last_weight) = self.weights[entries].as_chunks::<2>();
+        // Two sums, so that one does not wait for the other.
+        let mut other = [0.0; L];
+        for (columns, weights) in column_pairs.iter().zip(weight_pairs) {
+            add_product(sum, weights[0], &x[columns[0] as usize - first]);
+            add_product(&mut other, weights[1], &x[columns[1] as usize - first]);
+        }
+        for (&column, &weight) in last_column.iter().zip(last_weight) {
+            add_product(sum, weight, &x[column as usize - first]);
+        }
+        add(sum, &other);
+    }
 }
 
 #[inline(always)]
-fn gather<const L: usize>(edges: &[Edge], first: usize, nodes: &[Node<L>], sum: &mut [f32; L]) {
-    // Two sums, so that one does not wait for the other.
-    let mut other = [0.0; L];
-    let (pairs, last) = edges.as_chunks::<2>();
-    for [a, b] in pairs {
-        let (xa, xb) = (&nodes[a.row as usize - first].x, &nodes[b.row as usize - first].x);
-        for lane in 0..L {
-            sum[lane] += a.weight * xa[lane];
-            other[lane] += b.weight * xb[lane];
-        }
+fn scaled<const L: usize>(mut sum: [f32; L], factor: f32) -> [f32; L] {
+    for sum in &mut sum {
+        *sum *= factor;
     }
-    for edge in last {
-        let x = &nodes[edge.row as usize - first].x;
-        for lane in 0..L {
-            sum[lane] += edge.weight * x[lane];
-        }
+    sum
+}
+
+/// sum += weight x.
+#[inline(always)]
+fn add_product<const L: usize>(sum: &mut [f32; L], weight: f32, x: &[f32; L]) {
+    for lane in 0..L {
+        sum[lane] += weight * x[lane];
     }
+}
+
+/// sum += other.
+#[inline(always)]
+fn add<const L: usize>(sum: &mut [f32; L], other: &[f32; L]) {
     for lane in 0..L {
         sum[lane] += other[lane];
-    }
-}
-
-#[inline(always)]
-fn scatter<const L: usize>(edges: &[Edge], first: usize, nodes: &mut [Node<L>], x: &[f32; L]) {
-    for edge in edges {
-        let r = &mut nodes[edge.row as usize - first].r;
-        for lane in 0..L {
-            r[lane] += edge.weight * x[lane];
-        }
     }
 }

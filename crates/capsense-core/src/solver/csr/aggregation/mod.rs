@@ -12,9 +12,9 @@ mod transfer;
 
 use super::columns::add;
 use super::rows::Rows;
-use crate::solver::workers::Workers;
+use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 use coarsest::Coarsest;
-use level::{BLOCK, Level, Vectors};
+use level::{Level, Own, Residual, RightHandSide, Vectors};
 use transfer::{Changes, Transfer};
 
 /// A level with no more rows is solved exactly.
@@ -37,7 +37,8 @@ pub(super) struct Hierarchy {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work<const L: usize> {
     levels: Vec<Vectors<L>>,
-    sums: Vec<[f64; L]>,
+    /// zᵀKz and zᵀKp of every task.
+    curvatures: Vec<[[f64; L]; 2]>,
 }
 
 impl Hierarchy {
@@ -45,14 +46,14 @@ impl Hierarchy {
     pub(super) fn refresh(&mut self, rows: &Rows) {
         let first = self.levels.is_empty();
         if first {
-            self.levels.push(Level::new(rows.len(), |row, found| {
-                found.extend(rows.row(row).0.iter().filter(|&&other| (other as usize) < row));
-            }));
+            self.levels.push(Level::new(rows.pattern().clone()));
             self.changes.push(Changes::default());
         }
         refresh_finest(&mut self.levels[0], rows, &mut self.changes[0]);
         if first {
             self.build();
+            // Far less changes from now on.
+            self.changes.fill_with(Changes::default);
         } else {
             for (index, transfer) in self.transfers.iter_mut().enumerate() {
                 let (fine, coarse) = self.levels.split_at_mut(index + 1);
@@ -71,10 +72,7 @@ impl Hierarchy {
             if coarse.rows() == 0 || 10 * coarse.rows() > 9 * transfer.count() {
                 break;
             }
-            let all = Changes {
-                edges: (0..fine.edges.len() as u32).collect(),
-                rows: (0..fine.rows() as u32).collect(),
-            };
+            let all = Changes { rows: (0..fine.rows() as u32).collect(), weights: pairs_of(fine) };
             let mut changes = Changes::default();
             transfer.refresh(fine, &mut coarse, &all, &mut changes);
             self.levels.push(coarse);
@@ -90,63 +88,69 @@ impl Hierarchy {
         work: &mut Work<L>,
         workers: &Workers,
     ) -> [f64; L] {
-        let Work { levels, sums } = work;
+        let levels = &mut work.levels;
         for (index, level) in self.levels.iter().enumerate().skip(levels.len()) {
-            levels.push(Vectors::new(level.rows(), (1..=TWICE).contains(&index)));
+            levels.push(Vectors::new(level, index == 0, (1..=TWICE).contains(&index)));
         }
-        let finest = &self.levels[0];
-        sums.clear();
-        sums.resize(finest.rows().div_ceil(BLOCK), [0.0; L]);
-        let load = |row: usize| {
-            let free = finest.inverse[row] != 0.0;
-            Some(if free { kx[row].map(|kx| -kx as f32) } else { [0.0; L] })
-        };
-        let visit = |sum: &mut [f64; L], row: usize, z: &[f32; L]| {
-            for lane in 0..L {
-                sum[lane] -= kx[row][lane] * f64::from(z[lane]);
-            }
-        };
-        self.cycle(0, levels, workers, load, sums, visit);
+        self.cycle(0, levels, workers, &Residual(kx));
         let mut products = [0.0; L];
-        sums.iter().for_each(|sum| add(&mut products, sum));
+        levels[0].products.iter().for_each(|product| add(&mut products, product));
         products
     }
 
-    fn cycle<const L: usize, S: Send>(
+    /// zᵀKz and zᵀKp, z what the last application made.
+    pub(super) fn curvatures<const L: usize>(
+        &self,
+        work: &mut Work<L>,
+        p: &[[f32; L]],
+        workers: &Workers,
+    ) -> [[f64; L]; 2] {
+        let (finest, z) = (&self.levels[0], &work.levels[0].x);
+        let rows = finest.rows();
+        work.curvatures.resize(rows.div_ceil(TASK_ROWS), [[0.0; L]; 2]);
+        workers.for_each(work.curvatures.iter_mut().zip((0..).step_by(TASK_ROWS)), |(sums, first)| {
+            *sums = vectorised(
+                #[inline(always)]
+                || finest.curvatures(first..(first + TASK_ROWS).min(rows), z, p),
+            );
+        });
+        let mut sums = [[0.0; L]; 2];
+        for part in &work.curvatures {
+            sums.iter_mut().zip(part).for_each(|(sum, part)| add(sum, part));
+        }
+        sums
+    }
+
+    /// x = approximately K⁻¹ b.
+    fn cycle<const L: usize>(
         &self,
         index: usize,
         levels: &mut [Vectors<L>],
         workers: &Workers,
-        load: impl Fn(usize) -> Option<[f32; L]> + Sync,
-        sums: &mut [S],
-        visit: impl Fn(&mut S, usize, &[f32; L]) + Sync,
+        b: &impl RightHandSide<L>,
     ) {
         let Some((fine, coarser)) = levels.split_first_mut() else { return };
         let level = &self.levels[index];
-        level.sweep_forward(fine, workers, load);
+        let mut correction = None;
         if let (Some(transfer), Some(coarse)) = (self.transfers.get(index), coarser.first_mut()) {
-            transfer.restrict(level, fine, coarse, workers);
+            level.sweep_forward(fine, Some((transfer, &mut coarse.b)), workers, b);
             self.solve(index + 1, coarser, workers);
-            transfer.prolong(fine, &coarser[0], workers);
+            correction = Some((transfer, coarser[0].x.as_slice()));
         } else {
-            fine.nodes.iter_mut().for_each(|node| node.r = [0.0; L]);
+            level.sweep_forward(fine, None, workers, b);
         }
-        level.sweep_backward(fine, workers, sums, visit);
+        level.sweep_backward(fine, correction, workers, b);
     }
 
-    /// b = approximately K⁻¹ b on a coarse level.
+    /// x = approximately K⁻¹ b on a coarse level; b may change.
     fn solve<const L: usize>(&self, index: usize, levels: &mut [Vectors<L>], workers: &Workers) {
         if index + 1 == self.levels.len() && self.coarsest.solve(&mut levels[0]) {
             return;
         }
-        let cycle = |levels: &mut [Vectors<L>]| {
-            // There is nothing to sum up; a list of nothing takes no memory.
-            let mut sums = vec![(); self.levels[index].rows().div_ceil(BLOCK)];
-            self.cycle(index, levels, workers, |_| None, &mut sums, |(), _, _| ());
-        };
+        let cycle = |levels: &mut [Vectors<L>]| self.cycle(index, levels, workers, &Own);
         match levels[0].krylov.take() {
             Some(mut krylov) => {
-                krylov.solve(&self.levels[index], levels, cycle);
+                krylov.solve(&self.levels[index], levels, workers, cycle);
                 levels[0].krylov = Some(krylov);
             }
             None => cycle(levels),
@@ -157,35 +161,36 @@ impl Hierarchy {
 impl<const L: usize> Work<L> {
     /// What the last application made.
     pub(super) fn solution(&self) -> &[[f32; L]] {
-        self.levels.first().map_or(&[], |finest| &finest.b)
+        self.levels.first().map_or(&[], |finest| &finest.x)
     }
 
     pub(super) fn solution_mut(&mut self) -> Option<&mut [[f32; L]]> {
-        self.levels.first_mut().map(|finest| finest.b.as_mut_slice())
+        self.levels.first_mut().map(|finest| finest.x.as_mut_slice())
     }
+}
+
+/// All entries of a level, each with its row.
+fn pairs_of(level: &Level) -> Vec<[u32; 2]> {
+    let entries = |row: usize| level.pattern.entries(row).map(move |entry| [row as u32, entry as u32]);
+    (0..level.rows()).flat_map(entries).collect()
 }
 
 /// Edges at fixed rows have no weight, but leak.
 fn refresh_finest(finest: &mut Level, rows: &Rows, changes: &mut Changes) {
-    changes.edges.clear();
+    changes.weights.clear();
     changes.rows.clear();
     changes.rows.extend_from_slice(rows.changed());
     let fixed = rows.fixed();
     for row in rows.changed().iter().map(|&row| row as usize) {
         let (columns, weights) = rows.row(row);
         let mut leak = rows.link_sums()[row];
-        for (&column, &weight) in columns.iter().zip(weights) {
-            leak += if fixed[column as usize] { weight } else { 0.0 };
-            if (column as usize) < row {
-                let free = !fixed[row] && !fixed[column as usize];
-                let weight = if free { weight as f32 } else { 0.0 };
-                let found = finest.lower(row).find(|&edge| finest.edges[edge].row == column);
-                if let Some(edge) = found
-                    && finest.edges[edge].weight.to_bits() != weight.to_bits()
-                {
-                    finest.edges[edge].weight = weight;
-                    changes.edges.push(edge as u32);
-                }
+        for ((&column, &weight), entry) in columns.iter().zip(weights).zip(rows.entries(row)) {
+            let held = fixed[column as usize];
+            leak += if held { weight } else { 0.0 };
+            let weight = if held || fixed[row] { 0.0 } else { weight as f32 };
+            if finest.weights[entry].to_bits() != weight.to_bits() {
+                finest.weights[entry] = weight;
+                changes.weights.push([row as u32, entry as u32]);
             }
         }
         let (leak, diagonal) = if fixed[row] { (0.0, 0.0) } else { (leak, rows.diagonal()[row]) };

@@ -4,10 +4,11 @@
 //! all its members. The aggregates never change, so coarse weights are sums over fixed lists of fine ones (Galerkin's
 //! product with a piecewise constant prolongator).
 
+use super::super::pattern::Pattern;
 use super::aggregates::aggregates;
-use super::level::{Level, NONE, Vectors};
-use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
+use super::level::{Level, NONE};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Piecewise constant corrections are too stiff; stretching them by about this factor makes up for it (Braess 1995).
 const STRETCH: f32 = 1.5;
@@ -18,23 +19,20 @@ pub(super) struct Transfer {
     /// Of each fine row; [`NONE`] where the potential was fixed from the first.
     aggregate: Vec<u32>,
     members: Lists,
-    /// For each fine edge the coarse edge that it is part of; [`NONE`] within an aggregate.
-    coarse_edge: Vec<u32>,
-    /// The fine edges of each coarse one.
+    /// For each block of fine rows the first of its aggregates, and in the end their number.
+    first_of_block: Vec<u32>,
+    /// The fine weights that make up each coarse one; of the two at an edge, only that in the higher row has some.
     parts: Lists,
-    /// The coarse edges of each coarse row, to lower and to higher ones.
-    around: Lists,
-    /// The ends of each coarse edge.
-    ends: Vec<[u32; 2]>,
-    edge_marked: Vec<bool>,
+    weight_marked: Vec<bool>,
     row_marked: Vec<bool>,
 }
 
 /// What changed on a level.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Changes {
-    pub(super) edges: Vec<u32>,
     pub(super) rows: Vec<u32>,
+    /// Row and entry of weights. Of the two at an edge, that in the row of the higher aggregate is enough.
+    pub(super) weights: Vec<[u32; 2]>,
 }
 
 /// A list of numbers for each of several things.
@@ -73,36 +71,28 @@ impl Transfer {
     pub(super) fn new(fine: &Level) -> (Self, Level) {
         let (aggregate, count) = aggregates(fine);
         let members = Lists::new(count, aggregate.iter().copied().zip(0..));
-        let higher_aggregate = |row: usize, edge: usize| {
-            let (a, b) = (aggregate[row], aggregate[fine.edges[edge].row as usize]);
-            (a != b && a != NONE && b != NONE).then(|| (a.max(b), a.min(b)))
+        let fine_entries =
+            (0..fine.rows()).flat_map(|row| fine.pattern.entries(row).map(move |entry| (row, entry)));
+        let ends = |row: usize, entry: usize| {
+            let ends = [aggregate[row], aggregate[fine.pattern.columns()[entry] as usize]];
+            (ends[0] != ends[1] && !ends.contains(&NONE)).then_some(ends)
         };
-        let mut pairs: Vec<(u32, u32)> = (0..fine.rows())
-            .flat_map(|row| fine.lower(row).map(move |edge| (row, edge)))
-            .filter_map(|(row, edge)| higher_aggregate(row, edge))
-            .collect();
+        let mut pairs: Vec<_> = fine_entries.clone().filter_map(|(row, entry)| ends(row, entry)).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        let lower_of = Lists::new(count, pairs.iter().copied());
-        let coarse = Level::new(count, |row, found| found.extend(lower_of.of(row)));
-        let mut ends = vec![[0; 2]; coarse.edges.len()];
-        let mut coarse_edge = vec![NONE; fine.edges.len()];
-        for row in 0..count {
-            coarse.lower(row).for_each(|edge| ends[edge] = [row as u32, coarse.edges[edge].row]);
-        }
-        for row in 0..fine.rows() {
-            for edge in fine.lower(row) {
-                if let Some((high, low)) = higher_aggregate(row, edge) {
-                    let found = coarse.lower(high as usize).find(|&edge| coarse.edges[edge].row == low);
-                    coarse_edge[edge] = found.map_or(NONE, |edge| edge as u32);
-                }
-            }
-        }
-        let parts = Lists::new(ends.len(), coarse_edge.iter().copied().zip(0..));
-        let both_ends = ends.iter().zip(0..).flat_map(|(ends, edge)| ends.map(|row| (row, edge)));
-        let around = Lists::new(count, both_ends);
-        let (edge_marked, row_marked) = (vec![false; ends.len()], vec![false; count]);
-        (Self { aggregate, members, coarse_edge, parts, around, ends, edge_marked, row_marked }, coarse)
+        let around = Lists::new(count, pairs.iter().map(|&[row, other]| (row, other)));
+        let pattern = Pattern::new(count, |row, found| found.extend(around.of(row)));
+        let owners: Vec<_> = fine_entries
+            .filter_map(|(row, entry)| {
+                let [row, other] = ends(row, entry).filter(|[row, other]| row > other)?;
+                Some((pattern.find(row, other)? as u32, entry as u32))
+            })
+            .collect();
+        let parts = Lists::new(pattern.columns().len(), owners.iter().copied());
+        let (weight_marked, row_marked) = (vec![false; pattern.columns().len()], vec![false; count]);
+        let first_of_block = first_of_blocks(&aggregate, fine.pattern.block(), count);
+        let transfer = Self { aggregate, members, first_of_block, parts, weight_marked, row_marked };
+        (transfer, Level::new(Arc::new(pattern)))
     }
 
     /// Number of members of all aggregates.
@@ -112,87 +102,117 @@ impl Transfer {
 
     /// Recomputes what changed on the coarse level, and what that is.
     pub(super) fn refresh(&mut self, fine: &Level, coarse: &mut Level, from: &Changes, to: &mut Changes) {
-        to.edges.clear();
+        to.weights.clear();
         to.rows.clear();
-        for &edge in &from.edges {
-            mark(self.coarse_edge[edge as usize], &mut self.edge_marked, &mut to.edges);
-        }
-        for &row in &from.rows {
-            mark(self.aggregate[row as usize], &mut self.row_marked, &mut to.rows);
-        }
-        for &edge in &to.edges {
-            self.edge_marked[edge as usize] = false;
-            let parts = self.parts.of(edge as usize).iter();
-            let sum: f64 = parts.map(|&part| f64::from(fine.edges[part as usize].weight)).sum();
-            coarse.edges[edge as usize].weight = sum as f32;
-            for row in self.ends[edge as usize] {
-                mark(row, &mut self.row_marked, &mut to.rows);
+        for &[row, entry] in &from.weights {
+            let row = self.aggregate[row as usize];
+            let other = self.aggregate[fine.pattern.columns()[entry as usize] as usize];
+            if row == NONE || other == NONE || row <= other {
+                continue;
+            }
+            let found = coarse.pattern.find(row, other);
+            if let Some(entry) =
+                found.filter(|&entry| !std::mem::replace(&mut self.weight_marked[entry], true))
+            {
+                to.weights.push([row, entry as u32]);
             }
         }
-        for &row in &to.rows {
-            self.row_marked[row as usize] = false;
-            let row = row as usize;
-            let leak: f64 =
-                self.members.of(row).iter().map(|&member| f64::from(fine.leak[member as usize])).sum();
-            let around = self.around.of(row).iter();
-            let outward: f64 = around.map(|&edge| f64::from(coarse.edges[edge as usize].weight)).sum();
+        for &row in &from.rows {
+            self.mark_row(self.aggregate[row as usize], &mut to.rows);
+        }
+        for &[row, entry] in &to.weights {
+            self.weight_marked[entry as usize] = false;
+            let parts = self.parts.of(entry as usize).iter();
+            let sum: f64 = parts.map(|&part| f64::from(fine.weights[part as usize])).sum();
+            let other = coarse.pattern.columns()[entry as usize];
+            for entry in [Some(entry as usize), coarse.pattern.find(other, row)].into_iter().flatten() {
+                coarse.weights[entry] = sum as f32;
+            }
+            self.mark_row(row, &mut to.rows);
+            self.mark_row(other, &mut to.rows);
+        }
+        for row in to.rows.iter().map(|&row| row as usize) {
+            self.row_marked[row] = false;
+            let leaks = self.members.of(row).iter().map(|&member| f64::from(fine.leak[member as usize]));
+            let leak: f64 = leaks.sum();
+            let outward = coarse.weights[coarse.pattern.entries(row)].iter().map(|&weight| f64::from(weight));
+            let outward: f64 = outward.sum();
             coarse.leak[row] = leak as f32;
             coarse.set_diagonal(row, leak + outward);
         }
     }
 
-    /// The coarse right-hand side: the sum of the members' residuals.
-    pub(super) fn restrict<const L: usize>(
-        &self,
-        level: &Level,
-        fine: &Vectors<L>,
-        coarse: &mut Vectors<L>,
-        workers: &Workers,
-    ) {
-        let tasks = coarse.b.chunks_mut(TASK_ROWS).zip((0..).step_by(TASK_ROWS));
-        workers.for_each(tasks, |(b, first)| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    for (b, row) in b.iter_mut().zip(first..) {
-                        *b = [0.0; L];
-                        for &member in self.members.of(row) {
-                            let r = &fine.nodes[member as usize].r;
-                            for lane in 0..L {
-                                b[lane] += r[lane];
-                            }
-                            level.gather_far(member as usize, &fine.nodes, b);
-                        }
-                    }
-                },
-            );
-        });
+    /// Notes a coarse row once; not [`NONE`].
+    fn mark_row(&mut self, row: u32, list: &mut Vec<u32>) {
+        if let Some(marked) = self.row_marked.get_mut(row as usize)
+            && !std::mem::replace(marked, true)
+        {
+            list.push(row);
+        }
     }
 
-    /// Every member takes its aggregate's correction, stretched. Leaves the residuals zero.
-    pub(super) fn prolong<const L: usize>(
+    /// Adds the residuals of a block of fine rows, which start at `first`, to the right-hand side of its aggregates.
+    #[inline(always)]
+    pub(super) fn restrict<const L: usize>(
         &self,
-        fine: &mut Vectors<L>,
-        coarse: &Vectors<L>,
-        workers: &Workers,
+        b: &mut [[f32; L]],
+        first: usize,
+        rows: Range<usize>,
+        residual: impl Fn(usize) -> [f32; L],
     ) {
-        let tasks = fine.nodes.chunks_mut(TASK_ROWS).zip(self.aggregate.chunks(TASK_ROWS));
-        workers.for_each(tasks, |(nodes, aggregates)| {
-            for (node, &aggregate) in nodes.iter_mut().zip(aggregates) {
-                node.r = [0.0; L];
-                if let Some(correction) = coarse.b.get(aggregate as usize) {
-                    node.x.iter_mut().zip(correction).for_each(|(x, correction)| *x += STRETCH * correction);
+        for row in rows {
+            if let Some(b) = b.get_mut((self.aggregate[row] as usize).wrapping_sub(first)) {
+                let residual = residual(row);
+                for lane in 0..L {
+                    b[lane] += residual[lane];
                 }
             }
-        });
+        }
+    }
+
+    /// Cuts the coarse right-hand side where blocks of fine rows begin. Every part comes with its first row.
+    pub(super) fn cut<'a, T>(
+        &'a self,
+        mut coarse: &'a mut [T],
+    ) -> impl Iterator<Item = (usize, &'a mut [T])> {
+        self.first_of_block.windows(2).map(move |ends| {
+            let (part, rest) = std::mem::take(&mut coarse).split_at_mut((ends[1] - ends[0]) as usize);
+            coarse = rest;
+            (ends[0] as usize, part)
+        })
+    }
+
+    /// Every member takes its aggregate's correction, stretched. The rows of x start at `first`.
+    #[inline(always)]
+    pub(super) fn prolong<const L: usize>(&self, x: &mut [[f32; L]], first: usize, correction: &[[f32; L]]) {
+        for (at, x) in x.iter_mut().enumerate() {
+            self.correct(x, first + at, correction);
+        }
+    }
+
+    /// The same at one row.
+    #[inline(always)]
+    pub(super) fn correct<const L: usize>(&self, x: &mut [f32; L], row: usize, correction: &[[f32; L]]) {
+        if let Some(correction) = correction.get(self.aggregate[row] as usize) {
+            for lane in 0..L {
+                x[lane] += STRETCH * correction[lane];
+            }
+        }
     }
 }
 
-/// Notes a number once; not [`NONE`].
-fn mark(number: u32, marked: &mut [bool], list: &mut Vec<u32>) {
-    if let Some(marked) = marked.get_mut(number as usize)
-        && !std::mem::replace(marked, true)
-    {
-        list.push(number);
+fn first_of_blocks(aggregate: &[u32], block: usize, count: usize) -> Vec<u32> {
+    let count = count as u32;
+    // Aggregates are ordered by their first rows; a block without any starts where the next one does.
+    let mut firsts: Vec<u32> = aggregate
+        .chunks(block)
+        .map(|rows| rows.iter().copied().filter(|&own| own != NONE).min().unwrap_or(NONE))
+        .chain([count])
+        .collect();
+    let mut next = count;
+    for first in firsts.iter_mut().rev() {
+        next = next.min(*first);
+        *first = next;
     }
+    firsts
 }

@@ -1,0 +1,143 @@
+//! Which rows are coupled to which, sorted for sweeps on blocks of rows.
+//!
+//! Rows form blocks that do not see what a sweep does in others, so that threads can share a sweep without changing a bit
+//! of the result. What a row is coupled to is listed in three parts: lower rows of its own block, higher ones, and rows of
+//! other blocks. Each part of a sweep reads one or two of them, which lie side by side.
+
+use std::ops::Range;
+
+/// Most rows that a block may have.
+const LARGEST_BLOCK: usize = 16_384;
+
+/// The entries of a matrix without its diagonal.
+#[derive(Clone, Debug)]
+pub(super) struct Pattern {
+    /// Number of rows in each block but the last.
+    block: usize,
+    /// One more than there are rows.
+    spans: Vec<Span>,
+    columns: Vec<u32>,
+    /// Rows with entries in other blocks, in increasing order.
+    border: Vec<u32>,
+}
+
+/// Where the parts of a row start.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    lower: u32,
+    higher: u32,
+    far: u32,
+}
+
+/// The three parts of a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Part {
+    Lower,
+    Higher,
+    Far,
+}
+
+impl Pattern {
+    /// `neighbours` lists those of a row, which keep their order within each part.
+    pub(super) fn new(rows: usize, neighbours: impl Fn(usize, &mut Vec<u32>)) -> Self {
+        let mut pattern =
+            Self { block: block_size(rows), spans: Vec::new(), columns: Vec::new(), border: Vec::new() };
+        let mut around = Vec::new();
+        for row in 0..rows {
+            around.clear();
+            neighbours(row, &mut around);
+            let mut columns = std::mem::take(&mut pattern.columns);
+            let [lower, higher, far] = [Part::Lower, Part::Higher, Part::Far].map(|part| {
+                let start = columns.len() as u32;
+                columns.extend(around.iter().filter(|&&other| pattern.part(row, other as usize) == part));
+                start
+            });
+            pattern.columns = columns;
+            pattern.spans.push(Span { lower, higher, far });
+            if far < pattern.columns.len() as u32 {
+                pattern.border.push(row as u32);
+            }
+        }
+        let end = pattern.columns.len() as u32;
+        pattern.spans.push(Span { lower: end, higher: end, far: end });
+        pattern.columns.shrink_to_fit();
+        pattern
+    }
+
+    /// Where a row lists another.
+    pub(super) fn part(&self, row: usize, other: usize) -> Part {
+        match (row / self.block == other / self.block, other < row) {
+            (false, _) => Part::Far,
+            (true, true) => Part::Lower,
+            (true, false) => Part::Higher,
+        }
+    }
+
+    /// Number of rows.
+    pub(super) fn rows(&self) -> usize {
+        self.spans.len() - 1
+    }
+
+    /// Number of rows in each block but the last.
+    pub(super) fn block(&self) -> usize {
+        self.block
+    }
+
+    /// Number of blocks.
+    pub(super) fn blocks(&self) -> usize {
+        self.rows().div_ceil(self.block)
+    }
+
+    /// The rows that the entries lead to.
+    #[inline(always)]
+    pub(super) fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// Rows with entries in other blocks, in increasing order.
+    pub(super) fn border(&self) -> &[u32] {
+        &self.border
+    }
+
+    /// The entries of a row.
+    #[inline(always)]
+    pub(super) fn entries(&self, row: usize) -> Range<usize> {
+        self.spans[row].lower as usize..self.spans[row + 1].lower as usize
+    }
+
+    /// Those to lower rows of its block.
+    #[inline(always)]
+    pub(super) fn lower(&self, row: usize) -> Range<usize> {
+        self.spans[row].lower as usize..self.spans[row].higher as usize
+    }
+
+    /// Those to all rows of its block.
+    #[inline(always)]
+    pub(super) fn near(&self, row: usize) -> Range<usize> {
+        self.spans[row].lower as usize..self.spans[row].far as usize
+    }
+
+    /// Those to higher rows of its block.
+    #[inline(always)]
+    pub(super) fn higher(&self, row: usize) -> Range<usize> {
+        self.spans[row].higher as usize..self.spans[row].far as usize
+    }
+
+    /// Those to rows of other blocks.
+    #[inline(always)]
+    pub(super) fn far(&self, row: usize) -> Range<usize> {
+        self.spans[row].far as usize..self.spans[row + 1].lower as usize
+    }
+
+    /// The entry of a row that leads to another, if there is one.
+    pub(super) fn find(&self, row: u32, other: u32) -> Option<usize> {
+        self.entries(row as usize).find(|&entry| self.columns[entry] == other)
+    }
+}
+
+/// Blocks are alike, and an even number of them, so that two threads have the same to do.
+fn block_size(rows: usize) -> usize {
+    let blocks = rows.div_ceil(LARGEST_BLOCK);
+    let even = if blocks > 1 { blocks.next_multiple_of(2) } else { 1 };
+    rows.div_ceil(even).max(1)
+}
