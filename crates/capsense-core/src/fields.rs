@@ -22,7 +22,10 @@ pub(crate) struct Fields {
     linked: Vec<bool>,
     present: Vec<bool>,
     solver: FieldSolver,
+    /// Nodes that the solver has not been told of yet: those whose row changed or that a conductor took or left. Each is
+    /// there once.
     changed: Vec<u32>,
+    is_changed: Vec<bool>,
 }
 
 impl Fields {
@@ -46,6 +49,7 @@ impl Fields {
             linked: vec![false; materials.len()],
             present: vec![false; materials.len()],
             terminals,
+            is_changed: vec![false; row_terminals.len()],
             row_terminals,
             changed: Vec::new(),
         };
@@ -181,15 +185,34 @@ impl Fields {
         self.solver.potential(column, node)
     }
 
-    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy) {
-        self.solver.find_islands(matrix, occupancy, &self.fixed);
+    /// Notes which rows changed and which nodes a conductor took or left.
+    pub(crate) fn note_changes(&mut self, matrix: &StiffnessMatrix, moved: &[u32]) {
+        for &node in matrix.changed_rows().iter().chain(moved) {
+            if !std::mem::replace(&mut self.is_changed[node as usize], true) {
+                self.changed.push(node);
+            }
+        }
     }
 
-    /// Tells the solver which rows changed and which nodes a conductor took or left.
-    pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, moved: &[u32]) {
-        self.changed.clear();
-        self.changed.extend(matrix.changed_rows().iter().chain(moved));
+    /// Tells the solver of what was noted, unless none of it can matter. `islands` says whether there may be bodies of
+    /// very high permittivity.
+    pub(crate) fn refresh(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        islands: bool,
+        options: &SolverOptions,
+    ) {
+        if self.solver.bracket_is_open(options) {
+            return;
+        }
         self.solver.refresh(matrix, &self.fixed, &self.changed);
+        if islands && !self.changed.is_empty() {
+            self.solver.find_islands(matrix, occupancy, &self.fixed);
+        }
+        for node in self.changed.drain(..) {
+            self.is_changed[node as usize] = false;
+        }
     }
 
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {

@@ -125,7 +125,8 @@ impl Simulator {
             _ => StiffnessMatrix::in_rows(network, nodes),
         };
         let mut fields = Fields::new(&sensor, &materials, &matrix, &options);
-        fields.refresh(&matrix, &[]);
+        fields.note_changes(&matrix, &[]);
+        fields.refresh(&matrix, &occupancy, false, &options);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
         let terminals = CapacitanceMatrix::zeros(fields.columns() + 1);
         let mut simulator = Self {
@@ -187,10 +188,9 @@ impl Simulator {
         self.matrix.update(&self.occupancy);
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.forget_absent_objects(&self.occupancy, self.sensor.electrode_names().len());
-        self.fields.refresh(&self.matrix, self.occupancy.changed_nodes());
-        if self.materials.iter().any(may_float) && !self.occupancy.changed_edges().is_empty() {
-            self.fields.find_islands(&self.matrix, &self.occupancy);
-        }
+        self.fields.note_changes(&self.matrix, self.occupancy.changed_nodes());
+        let islands = self.materials.iter().any(may_float);
+        self.fields.refresh(&self.matrix, &self.occupancy, islands, &self.options);
         Ok(self.occupancy.changed_edges().len())
     }
 
