@@ -60,7 +60,7 @@ fn gmsh_text(sensor: &Sensor) -> anyhow::Result<String> {
     let faces: Vec<_> = names.zip(GROUND..).map(|(name, terminal)| (name, faces_of(terminal))).collect();
     let surfaces: Vec<_> = faces.iter().map(|(name, triangles)| SurfaceGroup { name, triangles }).collect();
     let (board, air): (Vec<u32>, Vec<u32>) = (0..mesh.tets().len() as u32)
-        .partition(|&element| mesh.relative_permittivity()[element as usize] != 1.0);
+        .partition(|&element| mesh.relative_permittivity().at(element as usize) != 1.0);
     let volumes: Vec<_> = [("air", &air), ("substrate", &board)]
         .into_iter()
         .filter(|(_, tets)| !tets.is_empty())

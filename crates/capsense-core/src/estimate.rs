@@ -30,7 +30,8 @@ pub fn discretisation_error(
                 .iter()
                 .enumerate()
                 .map(|(index, &element)| {
-                    let weight = mesh.relative_permittivity()[element] * signed_volume(mesh.corners(element));
+                    let weight =
+                        mesh.relative_permittivity().at(element) * signed_volume(mesh.corners(element));
                     let gap = |c: usize| {
                         mesh.tets()[element].map(|node| recovered[c][node as usize] - gradients[c][index])
                     };

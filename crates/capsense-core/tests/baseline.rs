@@ -127,7 +127,7 @@ fn a_block_along_the_cells_is_occupied_exactly() {
     assert!(occupancy.changed().is_empty());
     occupancy.update(&DepthLayers::empty(VIEW, 1), &[80.0]);
     assert_eq!(occupancy.changed().len(), 6 * 7 * 7 * 12);
-    assert_eq!(occupancy.permittivity(), sensor.mesh().relative_permittivity());
+    assert_eq!(occupancy.permittivity(), sensor.mesh().relative_permittivity().iter().collect::<Vec<_>>());
 }
 
 #[test]

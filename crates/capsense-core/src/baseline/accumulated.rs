@@ -79,7 +79,7 @@ impl<T: Precision> AccumulatedStiffness<T> {
         }
         let values = vec![T::zero(); pattern.len()];
         let mut matrix = Self { triplets, values, elements, permittivity: vec![0.0; mesh.tets().len()] };
-        for (element, &permittivity) in mesh.relative_permittivity().iter().enumerate() {
+        for (element, permittivity) in mesh.relative_permittivity().iter().enumerate() {
             matrix.set_permittivity(element, permittivity);
         }
         matrix

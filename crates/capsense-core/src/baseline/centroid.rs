@@ -27,8 +27,8 @@ impl CentroidOccupancy {
         Self {
             pixels: vec![0; centroids.len()],
             centroids,
-            background: mesh.relative_permittivity().to_vec(),
-            permittivity: mesh.relative_permittivity().to_vec(),
+            background: mesh.relative_permittivity().iter().collect(),
+            permittivity: mesh.relative_permittivity().iter().collect(),
             changed: Vec::new(),
             view: None,
         }

@@ -1,10 +1,12 @@
 //! Tetrahedral meshes: nodes, elements, and the permittivity of what fills them when no object is there.
 
+mod background;
 mod bins;
 mod edges;
 mod lattice;
 mod quality;
 
+pub use background::Background;
 pub use edges::{EdgeList, Edges};
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use quality::MeshQuality;
@@ -71,7 +73,7 @@ const FLAT: f64 = 1e-14;
 pub struct TetMesh {
     nodes: Vec<DVec3>,
     tets: Vec<[u32; 4]>,
-    relative_permittivity: Vec<f64>,
+    relative_permittivity: Background,
 }
 
 impl TetMesh {
@@ -80,7 +82,7 @@ impl TetMesh {
     /// # Errors
     /// For an empty mesh, nodes that are not finite or in no element, and elements that name missing nodes, are
     /// inverted or have no volume.
-    pub fn new(nodes: Vec<DVec3>, tets: Vec<[u32; 4]>) -> Result<Self, MeshError> {
+    pub fn new(mut nodes: Vec<DVec3>, mut tets: Vec<[u32; 4]>) -> Result<Self, MeshError> {
         if tets.is_empty() {
             return Err(MeshError::Empty);
         }
@@ -104,7 +106,9 @@ impl TetMesh {
         if let Some(orphan) = used.iter().position(|used| !used) {
             return Err(MeshError::OrphanNode(orphan));
         }
-        let relative_permittivity = vec![1.0; tets.len()];
+        nodes.shrink_to_fit();
+        tets.shrink_to_fit();
+        let relative_permittivity = Background::vacuum(tets.len());
         Ok(Self { nodes, tets, relative_permittivity })
     }
 
@@ -113,12 +117,12 @@ impl TetMesh {
     /// # Errors
     /// When a value is not finite and positive.
     pub fn with_permittivity(mut self, of: impl Fn(usize) -> f64) -> Result<Self, MeshError> {
-        for (element, value) in self.relative_permittivity.iter_mut().enumerate() {
-            *value = of(element);
-            if !(value.is_finite() && *value > 0.0) {
-                return Err(MeshError::Permittivity { element, value: *value });
-            }
+        let values: Vec<f64> = (0..self.tets.len()).map(of).collect();
+        let is_bad = |value: &f64| !(value.is_finite() && *value > 0.0);
+        if let Some(element) = values.iter().position(is_bad) {
+            return Err(MeshError::Permittivity { element, value: values[element] });
         }
+        self.relative_permittivity = Background::new(values);
         Ok(self)
     }
 
@@ -133,7 +137,7 @@ impl TetMesh {
     }
 
     /// Relative permittivity of each element without objects.
-    pub fn relative_permittivity(&self) -> &[f64] {
+    pub fn relative_permittivity(&self) -> &Background {
         &self.relative_permittivity
     }
 

@@ -15,7 +15,7 @@ pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::Edges;
+use crate::mesh::{Background, Edges};
 use crate::sensor::{FREE, GROUND, Terminal};
 use changes::Changes;
 use coupling::{EdgeRule, touches};
@@ -70,7 +70,7 @@ pub struct EdgeGeometry<'a> {
     /// The mesh edges.
     pub edges: &'a Edges,
     /// Mean relative permittivity of the background around each edge.
-    pub permittivity: &'a [f64],
+    pub permittivity: &'a Background,
 }
 
 /// Marks a node that lies in no conductor.
@@ -119,8 +119,8 @@ struct Scratch {
     breaks: Vec<f64>,
     node_changed: Vec<bool>,
     /// The frame in which each edge was last looked at; regions overlap.
-    edge_seen: Vec<u32>,
-    frame: u32,
+    edge_seen: Vec<u8>,
+    frame: u8,
 }
 
 /// Where everything is in one frame.
@@ -239,7 +239,7 @@ impl Occupancy {
         let scratch = &mut self.scratch;
         scratch.frame = scratch.frame.wrapping_add(1);
         if scratch.frame == 0 {
-            // After four billion frames, numbers come again.
+            // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
             scratch.frame = 1;
         }
@@ -274,7 +274,7 @@ impl Occupancy {
             owners: ends.map(|node| self.conductor[node as usize]),
             spans,
             materials: scene.materials,
-            background: scene.mesh.permittivity[edge],
+            background: scene.mesh.permittivity.at(edge),
         };
         let coupling = rule.coupling(breaks);
         let before = std::mem::replace(&mut self.couplings[edge], coupling);

@@ -4,7 +4,7 @@
 //! w_ij = -Σ_e ε_e ∫_e ∇λ_i·∇λ_j, relative permittivity times length, in metres. Edges without a weight, such as the
 //! diagonals of Kuhn tetrahedra, are left out.
 
-use crate::mesh::{EdgeList, Edges, Lattice, TetMesh, signed_volume};
+use crate::mesh::{Background, EdgeList, Edges, Lattice, TetMesh, signed_volume};
 use crate::occupancy::SMALLEST_PART;
 use crate::sensor::Sensor;
 use glam::DVec3;
@@ -17,7 +17,7 @@ const CANCELLED: f64 = 1e-12;
 pub struct EdgeNetwork {
     edges: Edges,
     weights: Vec<f64>,
-    permittivity: Vec<f64>,
+    permittivity: Background,
 }
 
 /// What one element adds to one edge.
@@ -34,8 +34,8 @@ impl EdgeNetwork {
     /// Assembles the network of any mesh: its edges that carry a weight, ordered by their first, then second node.
     pub fn assemble(mesh: &TetMesh) -> Self {
         let mut contributions = Vec::with_capacity(6 * mesh.tets().len());
-        for (element, (tet, &permittivity)) in
-            mesh.tets().iter().zip(mesh.relative_permittivity()).enumerate()
+        for (element, (tet, permittivity)) in
+            mesh.tets().iter().zip(mesh.relative_permittivity().iter()).enumerate()
         {
             let corners = mesh.corners(element);
             let volume = signed_volume(corners);
@@ -64,14 +64,18 @@ impl EdgeNetwork {
                 permittivity.push(mean_permittivity(weight, vacuum));
             }
         }
-        Self { edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))), weights, permittivity }
+        Self {
+            edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))),
+            weights,
+            permittivity: Background::new(permittivity),
+        }
     }
 
     /// Assembles the network of a lattice; `permittivity` is that of its tetrahedra, six for each cell.
     ///
     /// A cell of size a b c has the weight bc/a along x: a third of it on each of the two edges on which walks of two
     /// Kuhn tetrahedra start or end, a sixth on each of the other two.
-    pub fn assemble_lattice(lattice: &Lattice, permittivity: &[f64]) -> Self {
+    pub fn assemble_lattice(lattice: &Lattice, permittivity: &Background) -> Self {
         let [nx, ny, _] = lattice.node_counts();
         let strides = [1, nx, nx * ny];
         let edges = Edges::Lattice(lattice.clone());
@@ -96,7 +100,7 @@ impl EdgeNetwork {
             }
         }
         let permittivity = weights.iter().zip(&vacuum).map(|(w, v)| mean_permittivity(*w, *v)).collect();
-        Self { edges, weights, permittivity }
+        Self { edges, weights, permittivity: Background::new(permittivity) }
     }
 
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
@@ -127,7 +131,7 @@ impl EdgeNetwork {
     }
 
     /// Mean relative permittivity of the background around each edge.
-    pub fn permittivity(&self) -> &[f64] {
+    pub fn permittivity(&self) -> &Background {
         &self.permittivity
     }
 }

@@ -100,12 +100,9 @@ impl Hierarchy {
         for node in changed.iter().map(|&node| node as usize) {
             let to = &mut finest.nodes[padding + node];
             to.next = [0, 1, 2].map(|axis| matrix.lattice_weight(node, axis) as f32);
-            to.leak = matrix.link_weight(node) as f32;
+            to.leak = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
             let i = node % nx;
             region.add(i..i + 1, node / nx % ny, node / padding);
-        }
-        for node in changed.iter().map(|&node| node as usize) {
-            finest.set_inverse(padding + node, fixed[node]);
         }
         levels[0].refresh(finest, region);
         let (mut fine, mut changed) = (&*finest, &*region);

@@ -59,11 +59,12 @@ impl Level {
         changed.for_each_row(|nodes, j, k| {
             for i in nodes {
                 let (colour, at) = self.stencil.layout.place([i, j, k]);
-                let node = &network.nodes[network.index([i, j, k])];
+                let index = network.index([i, j, k]);
+                let node = &network.nodes[index];
                 for axis in 0..3 {
                     self.stencil.next[axis][colour][at] = node.next[axis];
                 }
-                self.stencil.centre[colour][at] = node.inverse;
+                self.stencil.centre[colour][at] = network.inverse(index);
             }
         });
     }

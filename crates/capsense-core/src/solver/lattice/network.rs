@@ -16,10 +16,8 @@ pub(super) struct Network {
 pub(super) struct Node {
     /// Weight to the next node along each axis.
     pub(super) next: [f32; 3],
-    /// Weight to fixed potentials that are no nodes of this network.
+    /// Weight to fixed potentials that are no nodes of this network; infinite where the node itself is fixed.
     pub(super) leak: f32,
-    /// Inverse of the diagonal; zero where the potential is fixed.
-    pub(super) inverse: f32,
 }
 
 impl Network {
@@ -42,16 +40,16 @@ impl Network {
         self.nodes[at].next[axis]
     }
 
-    /// Sets the inverse of the diagonal, or fixes the potential.
-    pub(super) fn set_inverse(&mut self, at: usize, fixed: bool) {
+    /// Inverse of the diagonal; zero where the potential is fixed.
+    pub(super) fn inverse(&self, at: usize) -> f32 {
         let strides = self.strides();
         let weights = (0..3).map(|axis| self.weight(axis, at) + self.weight(axis, at - strides[axis]));
         let diagonal = weights.sum::<f32>() + self.nodes[at].leak;
-        self.nodes[at].inverse = if fixed || diagonal == 0.0 { 0.0 } else { 1.0 / diagonal };
+        if diagonal == 0.0 { 0.0 } else { 1.0 / diagonal }
     }
 
     pub(super) fn is_fixed(&self, at: usize) -> bool {
-        self.nodes[at].inverse == 0.0
+        self.nodes[at].leak == f32::INFINITY
     }
 }
 

@@ -15,6 +15,9 @@ use std::ops::Range;
 /// than that from what it should be, however many frames go by.
 const NEGLIGIBLE: f32 = 0.02;
 
+/// Shares that miss no more than this to one miss nothing.
+const ROUNDING: f32 = 1e-6;
+
 /// One axis made coarser.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
@@ -35,13 +38,20 @@ pub(super) struct Stage {
     pub(super) changed: Changed,
 }
 
-/// The parts of the previous and of the next neighbour's value that an eliminated node takes, and what is missing to one
-/// in their sum.
+/// The parts of the previous and of the next neighbour's value that an eliminated node takes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Share {
     previous: f32,
     next: f32,
-    lost: f32,
+}
+
+impl Share {
+    /// What is missing to one in their sum: the part of fixed potentials.
+    #[inline]
+    fn lost(self) -> f32 {
+        let lost = 1.0 - (self.previous + self.next);
+        if lost > ROUNDING { lost } else { 0.0 }
+    }
 }
 
 /// A number for every node of a network, as the kernels want it.
@@ -124,7 +134,6 @@ impl Stage {
         let reached = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
         reached.for_each_row(|nodes, j, k| nodes.for_each(|i| self.refresh_share(fine, [i, j, k])));
         reached.for_each_row(|nodes, j, k| self.refresh_row(fine, nodes, j, k));
-        reached.for_each_row(|nodes, j, k| self.refresh_inverses(fine, nodes, j, k));
         self.reached = reached;
     }
 
@@ -155,19 +164,6 @@ impl Stage {
         self.changed.add(own.range(), j, k);
         self.changed.add(beyond_j.range(), j + 1, k);
         self.changed.add(beyond_k.range(), j, k + 1);
-    }
-
-    fn refresh_inverses(&mut self, fine: &Network, nodes: Range<usize>, j: usize, k: usize) {
-        let mut changed = Interval::EMPTY;
-        for i in nodes {
-            let index = self.coarse.index([i, j, k]);
-            let before = self.coarse.nodes[index].inverse;
-            self.coarse.set_inverse(index, fine.is_fixed(fine.index(self.fine_node([i, j, k]))));
-            if self.coarse.nodes[index].inverse != before {
-                changed.add(i);
-            }
-        }
-        self.changed.add(changed.range(), j, k);
     }
 
     /// What changes at a node reaches the coarse node at it, or, where nodes are eliminated, those beside it too and their
@@ -254,13 +250,12 @@ impl Stage {
         let node = fine.index(at);
         let previous = node - fine.strides()[self.axis];
         let (before, after) = (fine.weight(self.axis, previous), fine.weight(self.axis, node));
-        let leak = fine.nodes[node].leak;
-        let sum = before + after + leak;
+        let sum = before + after + fine.nodes[node].leak;
         let share = if fine.is_fixed(node) || sum == 0.0 {
-            Share { previous: 0.0, next: 0.0, lost: 1.0 }
+            Share::default()
         } else {
             let scale = 1.0 / sum;
-            Share { previous: before * scale, next: after * scale, lost: leak * scale }
+            Share { previous: before * scale, next: after * scale }
         };
         self.shares[node] = share;
         self.previous.set(at, share.previous);
@@ -280,13 +275,13 @@ impl Stage {
         if has_next {
             let (weight, share) = (fine.nodes[own].next[axis], self.shares[next]);
             coarse.next[axis] *= share.next;
-            coarse.leak += weight * share.lost;
+            coarse.leak += weight * share.lost();
             for across in [(axis + 1) % 3, (axis + 2) % 3] {
                 self.divide(fine, next, |share| share.previous, across, strides[across], &mut coarse);
             }
         }
         if has_previous {
-            coarse.leak += fine.nodes[previous].next[axis] * self.shares[previous].lost;
+            coarse.leak += fine.nodes[previous].next[axis] * self.shares[previous].lost();
             for across in [(axis + 1) % 3, (axis + 2) % 3] {
                 self.divide(fine, previous, |share| share.next, across, strides[across], &mut coarse);
             }
@@ -318,7 +313,8 @@ impl Stage {
 /// Takes over a number if it is not nearly the one that is stored. Returns whether it was taken over.
 #[inline]
 fn replace_if_different(stored: &mut f32, new: f32) -> bool {
-    let is_different = (new - *stored).abs() > NEGLIGIBLE * new.max(*stored);
+    let is_other_kind = new.is_infinite() != stored.is_infinite();
+    let is_different = is_other_kind || (new - *stored).abs() > NEGLIGIBLE * new.max(*stored);
     if is_different {
         *stored = new;
     }
