@@ -208,7 +208,7 @@ impl Fields {
         }
         self.solver.refresh(matrix, &self.fixed, &self.changed);
         if islands && !self.changed.is_empty() {
-            self.solver.find_islands(matrix, occupancy, &self.fixed);
+            self.solver.find_islands(matrix, occupancy, &self.fixed, &self.changed);
         }
         for node in self.changed.drain(..) {
             self.is_changed[node as usize] = false;

@@ -103,10 +103,16 @@ impl FieldSolver {
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
-    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
+    pub(crate) fn find_islands(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        fixed: &[bool],
+        changed: &[u32],
+    ) {
         match &mut self.vectors {
-            Vectors::Lattice(fields) => fields.find_islands(matrix, occupancy, fixed),
-            Vectors::Csr(fields) => fields.find_islands(matrix, occupancy, fixed),
+            Vectors::Lattice(fields) => fields.find_islands(matrix, occupancy, fixed, changed),
+            Vectors::Csr(fields) => fields.find_islands(matrix, occupancy, fixed, changed),
         }
     }
 

@@ -133,8 +133,14 @@ impl CsrSolver {
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
-    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
-        for_width!(self, of => of.islands.find(matrix, occupancy, fixed));
+    pub(crate) fn find_islands(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        fixed: &[bool],
+        changed: &[u32],
+    ) {
+        for_width!(self, of => of.islands.find(matrix, occupancy, fixed, changed));
     }
 }
 

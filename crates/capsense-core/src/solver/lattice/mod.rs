@@ -156,8 +156,14 @@ impl LatticeSolver {
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
-    pub(crate) fn find_islands(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, fixed: &[bool]) {
-        self.islands.find(matrix, occupancy, fixed);
+    pub(crate) fn find_islands(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        fixed: &[bool],
+        changed: &[u32],
+    ) {
+        self.islands.find(matrix, occupancy, fixed, changed);
     }
 
     /// Where a node stands in the vectors.
