@@ -25,8 +25,9 @@ pub(super) struct Islands {
     parent: Vec<u32>,
 }
 
-#[derive(Clone, Debug)]
-struct Island {
+/// Nodes that are joined by strong edges.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Island {
     /// The node that the others are joined to.
     root: u32,
     nodes: Vec<u32>,
@@ -58,6 +59,12 @@ impl Islands {
         self.members.sort_unstable();
         self.members.dedup();
         self.collect(matrix, occupancy);
+    }
+
+    /// The islands found last, in the order of their smallest nodes.
+    #[cfg(test)]
+    pub(super) fn islands(&self) -> &[Island] {
+        &self.islands
     }
 
     fn find_strong_edges(

@@ -409,3 +409,20 @@ fn an_indefinite_matrix_shows() {
     solver.inverse.refresh(&solver.rows);
     assert!(solver.precondition().iter().all(|&product| product < 0.0));
 }
+
+#[test]
+fn islands_found_where_something_changed_are_those_found_at_once() {
+    let body = Material::Dielectric(RelativePermittivity::new(50.0).unwrap());
+    let mut scene = Scene::new(5_000);
+    let mut moving = Islands::default();
+    for height in [0.03, 0.035, 0.06, 0.01, 0.058, 0.2, 0.03] {
+        scene.move_object(height, body);
+        let fixed = scene.fixed();
+        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows());
+        let mut fresh = Islands::default();
+        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes());
+        assert_eq!(moving.islands(), fresh.islands(), "{height}");
+        let seen = !scene.occupancy.changed_edges().is_empty();
+        assert_eq!(fresh.islands().len(), usize::from(height < 0.1 && seen), "{height}");
+    }
+}
