@@ -21,9 +21,6 @@ use nalgebra_sparse::CsrMatrix;
 /// A right-hand side, field or residual at one row, for up to [`LANES`] terminals at once.
 pub type Lane = [f64; LANES];
 
-/// The same in single precision.
-pub type Lane32 = [f32; LANES];
-
 /// Number of columns that advance together.
 pub const LANES: usize = 4;
 
