@@ -40,10 +40,12 @@ impl Fields {
         let released =
             objects.clone().zip(materials).filter(|(_, material)| own_potential(material).is_some());
         let terminals: Vec<Terminal> = (1..=electrodes).chain(released.map(|(object, _)| object)).collect();
+        let to_ground: Vec<f64> =
+            materials.iter().filter_map(own_potential).map(|farads| farads / VACUUM_PERMITTIVITY).collect();
         let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(objects).collect();
         let fixed: Vec<bool> = row_terminals.iter().map(|&terminal| terminal != FREE).collect();
         let mut fields = Self {
-            solver: FieldSolver::new(matrix, &fixed, terminals.len(), options),
+            solver: FieldSolver::new(matrix, &fixed, terminals.len(), &to_ground, options),
             fixed,
             nodes_held: vec![0; materials.len()],
             linked: vec![false; materials.len()],

@@ -97,13 +97,10 @@ impl Bracket {
         !self.is_lost && (gap <= tolerance * energy || energy <= 0.0 && gap == 0.0)
     }
 
-    /// The largest gap in relation to the energy.
-    pub(crate) fn relative_error(&self) -> f64 {
-        (0..self.columns)
-            .map(|column| (self.gap[column], self.energies[column * self.columns + column]))
-            .filter(|(_, energy)| *energy > 0.0)
-            .map(|(gap, energy)| gap / energy)
-            .fold(0.0, f64::max)
+    /// The gap of a column in relation to the energy.
+    pub(crate) fn relative_error(&self, column: usize) -> f64 {
+        let energy = self.energies[column * self.columns + column];
+        if energy > 0.0 { self.gap[column] / energy } else { 0.0 }
     }
 }
 

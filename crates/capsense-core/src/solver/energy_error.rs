@@ -60,7 +60,6 @@ pub(super) struct Experience {
 #[derive(Clone, Debug)]
 pub(super) struct EnergyError {
     rule: ErrorRule,
-    columns: usize,
     /// The remembered steps of each column in turn.
     steps: Vec<Step>,
     /// How many steps each column has taken; those that are done take no more.
@@ -80,7 +79,7 @@ pub(super) struct Step {
 impl EnergyError {
     pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
         let steps = vec![Step::default(); REMEMBERED * columns];
-        Self { rule, columns, steps, taken: vec![0; columns], count: 0 }
+        Self { rule, steps, taken: vec![0; columns], count: 0 }
     }
 
     /// Begins a solve.
@@ -157,11 +156,6 @@ impl EnergyError {
             }
         };
         Some((to_come + last.excess) / last.energy)
-    }
-
-    /// The largest estimate over all columns; all of it where nothing can be told.
-    pub(super) fn worst(&self) -> f64 {
-        (0..self.columns).map(|column| self.relative(column).unwrap_or(1.0)).fold(0.0, f64::max)
     }
 
     /// Ends a solve.

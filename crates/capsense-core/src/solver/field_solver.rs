@@ -2,6 +2,7 @@
 
 use super::bracket::Bracket;
 use super::csr::CsrSolver;
+use super::demand::Demand;
 use super::energy_error::{ErrorRule, Experience};
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
@@ -22,8 +23,8 @@ pub(crate) struct FieldSolver {
     residual_is_lost: bool,
     columns: usize,
     bracket: Bracket,
-    /// Energies of the empty scene, column by column, and the residual of the last frame that was solved.
-    base: Vec<f64>,
+    demand: Demand,
+    /// Of the last frame that was solved.
     residual: f64,
 }
 
@@ -35,11 +36,14 @@ enum Vectors {
 }
 
 impl FieldSolver {
-    /// Zero fields of so many columns. `fixed` tells for every row, nodes and then objects, whether it is held.
+    /// Zero fields of so many columns. `fixed` tells for every row, nodes and then objects, whether it is held,
+    /// `to_ground` for each of the last columns, which belong to objects that find their own potential, what capacitance
+    /// ties them to ground, in units of energy.
     pub(crate) fn new(
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         columns: usize,
+        to_ground: &[f64],
         options: &SolverOptions,
     ) -> Self {
         let rule = match options.preconditioner {
@@ -67,7 +71,7 @@ impl FieldSolver {
             residual_is_lost: true,
             columns,
             bracket: Bracket::new(columns),
-            base: Vec::new(),
+            demand: Demand::new(columns, to_ground),
             residual: 0.0,
         }
     }
@@ -118,20 +122,21 @@ impl FieldSolver {
 
     /// Improves the fields until the tolerance is reached, unless nothing that changed can matter.
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        self.demand.update(&self.bracket.energies);
         if !self.residual_is_lost && self.may_skip(options) {
             return Ok(SolveReport {
                 iterations: 0,
-                relative_error: self.bracket.relative_error(),
+                relative_error: self.gap_of_capacitances(),
                 residual: self.residual,
                 skipped: true,
             });
         }
         self.bracket.is_lost = true;
         let lost = std::mem::take(&mut self.residual_is_lost);
-        let Self { vectors, workers, iteration, base, .. } = self;
+        let Self { vectors, workers, iteration, demand, .. } = self;
         let report = workers.among(|| match vectors {
-            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, base, options),
-            Vectors::Csr(fields) => improve(fields, lost, iteration, base, options),
+            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
+            Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
         });
         if report.is_err() {
             self.iteration.forget();
@@ -149,16 +154,22 @@ impl FieldSolver {
         Ok(report)
     }
 
+    fn gap_of_capacitances(&self) -> f64 {
+        (0..self.columns)
+            .map(|column| self.demand.error_of_capacitance(column, self.bracket.relative_error(column)))
+            .fold(0.0, f64::max)
+    }
+
     fn may_skip(&self, options: &SolverOptions) -> bool {
         (0..self.columns).all(|column| {
             let energy = self.energies()[column * self.columns + column];
-            self.bracket.is_below(column, options.allowed(energy, self.base.get(column).copied()))
+            self.bracket.is_below(column, self.demand.allowed(column, energy, options))
         })
     }
 
     /// Takes the energies of the last solve for those of the empty scene.
     pub(crate) fn remember_base(&mut self) {
-        self.base = (0..self.columns).map(|column| self.energies()[column * self.columns + column]).collect();
+        self.demand.remember_base(&self.bracket.energies);
     }
 
     /// The bounds on what changes of couplings do.
@@ -181,11 +192,11 @@ fn improve(
     fields: &mut impl Operator,
     residual_is_lost: bool,
     iteration: &mut ConjugateGradients,
-    base: &[f64],
+    demand: &mut Demand,
     options: &SolverOptions,
 ) -> Result<SolveReport, SolveError> {
     if residual_is_lost {
         fields.evaluate();
     }
-    iteration.solve(fields, base, options)
+    iteration.solve(fields, demand, options)
 }

@@ -2,6 +2,7 @@
 
 mod bracket;
 mod csr;
+mod demand;
 mod energy_error;
 mod field_solver;
 mod incomplete_cholesky;
@@ -54,13 +55,14 @@ impl Default for SolverOptions {
 }
 
 impl SolverOptions {
-    /// The relative error that is allowed of a self-capacitance, given as energy, with that of the empty scene.
-    fn allowed(&self, energy: f64, base: Option<f64>) -> f64 {
+    /// The relative error that is allowed of a self-capacitance, given as energy, with that of the empty scene. `part` of
+    /// the tolerance is what the capacitances between electrodes need.
+    fn allowed(&self, energy: f64, base: Option<f64>, part: f64) -> f64 {
         let of_change = self
             .change_tolerance
             .zip(base)
             .map(|(tolerance, base)| (tolerance * (energy - base).abs() / energy).max(FINEST_FOR_CHANGES));
-        self.tolerance.min(of_change.unwrap_or(f64::INFINITY)).max(ROUNDING)
+        (part * self.tolerance).min(of_change.unwrap_or(f64::INFINITY)).max(ROUNDING)
     }
 }
 

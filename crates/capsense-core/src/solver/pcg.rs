@@ -5,6 +5,7 @@
 //! therefore takes the length that was right in the frame before; how good it was shows afterwards at no cost, because
 //! the residual is recomputed after every step: pᵀKp is what r·p falls by.
 
+use super::demand::Demand;
 use super::energy_error::{EnergyError, ErrorRule, Step};
 use super::operator::Operator;
 use super::{SolveError, SolveReport, SolverOptions};
@@ -53,15 +54,14 @@ impl ConjugateGradients {
         }
     }
 
-    /// Improves the fields until the tolerance is reached. The residual must be that of the fields. `base` holds the
-    /// energies of the empty scene once they are known.
+    /// Improves the fields until the tolerance is reached. The residual must be that of the fields.
     ///
     /// # Errors
     /// When the tolerance is not reached, the matrix is indefinite, or a value is not finite.
     pub(crate) fn solve(
         &mut self,
         fields: &mut impl Operator,
-        base: &[f64],
+        demand: &mut Demand,
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
         self.active.fill(true);
@@ -71,7 +71,7 @@ impl ConjugateGradients {
             if iterations == options.max_iterations {
                 return Err(SolveError::NotConverged {
                     iterations,
-                    relative_error: self.error.worst(),
+                    relative_error: self.worst(demand),
                     tolerance: options.tolerance,
                 });
             }
@@ -81,8 +81,9 @@ impl ConjugateGradients {
                 if iterations == 0 {
                     // Nothing to improve, but rows may have changed since the energies were summed.
                     fields.evaluate();
+                    demand.update(&fields.state().energies);
                 }
-                self.check_exhausted(fields, base, options, iterations)?;
+                self.check_exhausted(fields, demand, options, iterations)?;
                 break;
             }
             let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
@@ -94,13 +95,14 @@ impl ConjugateGradients {
             fields.step(&self.a, &self.b);
             self.record(fields, iterations, exact)?;
             iterations += 1;
+            demand.update(&fields.state().energies);
             for (column, active) in self.active.iter_mut().enumerate() {
                 let energy = fields.state().energies[column * fields.columns() + column];
-                let allowed = options.allowed(energy, base.get(column).copied());
+                let allowed = demand.allowed(column, energy, options);
                 *active = !self.error.is_below(column, allowed);
             }
         }
-        let relative_error = self.error.worst();
+        let relative_error = self.worst(demand);
         self.error.finish();
         let state = fields.state();
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
@@ -112,21 +114,21 @@ impl ConjugateGradients {
     fn check_exhausted(
         &self,
         fields: &impl Operator,
-        base: &[f64],
+        demand: &Demand,
         options: &SolverOptions,
         iterations: usize,
     ) -> Result<(), SolveError> {
         let state = fields.state();
         let unfinished = (0..fields.columns()).any(|column| {
             let energy = state.energies[column * fields.columns() + column];
-            let allowed = options.allowed(energy, base.get(column).copied());
+            let allowed = demand.allowed(column, energy, options);
             state.residual[column] > GONE * state.charge[column]
                 && !self.error.is_estimated_below(column, allowed)
         });
         if !unfinished {
             return Ok(());
         }
-        let (relative_error, tolerance) = (self.error.worst(), options.tolerance);
+        let (relative_error, tolerance) = (self.worst(demand), options.tolerance);
         Err(SolveError::NotConverged { iterations, relative_error, tolerance })
     }
 
@@ -139,6 +141,13 @@ impl ConjugateGradients {
     /// The estimated relative error that the last solve left of one column.
     pub(crate) fn relative_error(&self, column: usize) -> f64 {
         self.error.relative(column).unwrap_or(1.0)
+    }
+
+    /// The largest estimate over all columns of what their errors make of capacitances; all of it where nothing can be told.
+    fn worst(&self, demand: &Demand) -> f64 {
+        (0..self.active.len())
+            .map(|column| demand.error_of_capacitance(column, self.relative_error(column)))
+            .fold(0.0, f64::max)
     }
 
     /// Columns without a residual are done; others must have a finite, positive r·z.
