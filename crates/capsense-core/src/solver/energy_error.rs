@@ -95,6 +95,12 @@ impl EnergyError {
         self.taken[column] = self.count + 1;
     }
 
+    /// A column has no residual left: there is no error, whatever its steps.
+    pub(super) fn settle(&mut self, column: usize) {
+        self.steps[column * REMEMBERED..][..REMEMBERED].fill(Step::default());
+        self.taken[column] = 0;
+    }
+
     /// All columns have taken their steps.
     pub(super) fn advance(&mut self) {
         self.count += 1;

@@ -112,19 +112,23 @@ impl ConjugateGradients {
 
     /// Where r·z is zero there is nothing more to gain: either the residual is gone, or rounding has made z worthless.
     fn check_exhausted(
-        &self,
+        &mut self,
         fields: &impl Operator,
         demand: &Demand,
         options: &SolverOptions,
         iterations: usize,
     ) -> Result<(), SolveError> {
         let state = fields.state();
-        let unfinished = (0..fields.columns()).any(|column| {
+        let mut unfinished = false;
+        for column in 0..fields.columns() {
             let energy = state.energies[column * fields.columns() + column];
             let allowed = demand.allowed(column, energy, options);
-            state.residual[column] > GONE * state.charge[column]
-                && !self.error.is_estimated_below(column, allowed)
-        });
+            if state.residual[column] <= GONE * state.charge[column] {
+                self.error.settle(column);
+            } else {
+                unfinished |= !self.error.is_estimated_below(column, allowed);
+            }
+        }
         if !unfinished {
             return Ok(());
         }
@@ -143,7 +147,8 @@ impl ConjugateGradients {
         self.error.relative(column).unwrap_or(1.0)
     }
 
-    /// The largest estimate over all columns of what their errors make of capacitances; all of it where nothing can be told.
+    /// The largest estimate over all columns of what their errors make of capacitances; all of it where nothing can be
+    /// told.
     fn worst(&self, demand: &Demand) -> f64 {
         (0..self.active.len())
             .map(|column| demand.error_of_capacitance(column, self.relative_error(column)))

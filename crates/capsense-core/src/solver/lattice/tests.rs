@@ -9,6 +9,7 @@ use crate::mesh::Lattice;
 use crate::occupancy::{DepthLayers, EdgeGeometry, NO_OBJECT, Occupancy, OrthographicView};
 use crate::sensor::{FREE, GROUND};
 use crate::solver::SolverOptions;
+use crate::solver::demand::Demand;
 use crate::solver::energy_error::{ErrorRule, Experience};
 use crate::solver::operator::Operator;
 use crate::solver::pcg::ConjugateGradients;
@@ -119,7 +120,9 @@ impl Scene {
         self.solver.refresh(&self.matrix, &self.fixed, &all);
         let rule = ErrorRule::Experience(Experience::default());
         let options = SolverOptions { tolerance, ..SolverOptions::default() };
-        let _ = ConjugateGradients::new(COLUMNS, rule).solve(&mut self.solver, &[], &options).unwrap();
+        let _ = ConjugateGradients::new(COLUMNS, rule)
+            .solve(&mut self.solver, &mut Demand::new(COLUMNS, &[]), &options)
+            .unwrap();
     }
 
     /// Puts noise in place of the residuals and returns it with what the cycle makes of it: column by column.
