@@ -10,11 +10,11 @@ pub(super) struct ThickPlane {
     pub(super) values: [Vec<f32>; 2],
 }
 
-/// A plane with the rows of the coarse level, but all nodes along x: even ones in one piece, then odd ones.
+/// A row of the coarse level along y and z, but with all nodes along x, in every column: even nodes in one piece, then odd
+/// ones.
 #[derive(Clone, Debug)]
-pub(super) struct ThinPlane {
-    pub(super) half: usize,
-    columns: usize,
+pub(super) struct HalfRows {
+    half: usize,
     values: Vec<f32>,
 }
 
@@ -44,59 +44,47 @@ impl ThickPlane {
         ((colour + k) % 2, start..start + places.len())
     }
 
-    /// The part and the start of row j's nodes of one parity.
+    /// The part and the start of row j's nodes of one parity, in the first column; the others are `len` apart.
     #[inline(always)]
-    pub(super) fn row(&self, layout: &Layout, j: usize, parity: usize, column: usize) -> (usize, usize) {
-        ((parity + j) % 2, column * self.len + BLOCK + (parity + j) / 2 + j * layout.row)
+    pub(super) fn row(&self, layout: &Layout, j: usize, parity: usize) -> (usize, usize) {
+        ((parity + j) % 2, BLOCK + (parity + j) / 2 + j * layout.row)
     }
 
-    /// Row j's nodes of one parity, and some more to fill blocks.
+    /// Row j's nodes of one parity in all columns, from those in the first column on.
     #[inline(always)]
-    pub(super) fn half_row(
-        &self,
-        layout: &Layout,
-        j: usize,
-        parity: usize,
-        column: usize,
-        half: usize,
-    ) -> &[f32] {
-        let (part, start) = self.row(layout, j, parity, column);
-        &self.values[part][start..start + half]
+    pub(super) fn half_rows(&self, layout: &Layout, j: usize, parity: usize) -> &[f32] {
+        let (part, start) = self.row(layout, j, parity);
+        &self.values[part][start..]
     }
 }
 
-impl ThinPlane {
+impl HalfRows {
     pub(super) fn clear(&mut self) {
         self.values.fill(0.0);
     }
 
-    /// For vectors of a level with so many coarse rows.
-    pub(super) fn zeros(layout: &Layout, rows: usize) -> Self {
-        let (half, columns) = (half_row(layout.counts[0]), layout.columns);
-        Self { half, columns, values: vec![0.0; rows * columns * 2 * half] }
+    /// For vectors of a level.
+    pub(super) fn zeros(layout: &Layout) -> Self {
+        let half = half_row(layout.counts[0]);
+        Self { half, values: vec![0.0; layout.columns * 2 * half] }
     }
 
-    /// Where a node is in a row. There is room behind the last.
+    /// Where the nodes of one parity are in a row, in whole blocks: in one column, and in shares.
     #[inline(always)]
-    pub(super) fn place(&self, node: usize) -> usize {
-        place_in_halves(node, self.half)
+    pub(super) fn nodes(&self, parity: usize) -> Range<usize> {
+        let start = parity * self.half + BLOCK;
+        start..start + self.half - 3 * BLOCK
     }
 
-    /// Where the node before another is. There is room before the first.
+    /// One column's.
     #[inline(always)]
-    pub(super) fn place_before(&self, node: usize) -> usize {
-        if node.is_multiple_of(2) { self.place(node + 1) - 1 } else { self.place(node - 1) }
-    }
-
-    /// A row: even nodes, then odd ones.
-    #[inline(always)]
-    pub(super) fn row(&self, j: usize, column: usize) -> &[f32] {
-        &self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    pub(super) fn column(&self, column: usize) -> &[f32] {
+        &self.values[column * 2 * self.half..][..2 * self.half]
     }
 
     #[inline(always)]
-    pub(super) fn row_mut(&mut self, j: usize, column: usize) -> &mut [f32] {
-        &mut self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    pub(super) fn column_mut(&mut self, column: usize) -> &mut [f32] {
+        &mut self.values[column * 2 * self.half..][..2 * self.half]
     }
 }
 
