@@ -11,11 +11,24 @@ pub(super) struct ThickPlane {
 }
 
 /// A row of the coarse level along y and z, but with all nodes along x, in every column: even nodes in one piece, then odd
-/// ones.
+/// ones. Columns are as far apart as in thick planes.
 #[derive(Clone, Debug)]
 pub(super) struct HalfRows {
+    /// Distance between the pieces.
     half: usize,
+    pub(super) columns: HalfColumns,
     values: Vec<f32>,
+}
+
+/// How the nodes of one parity in a row are spread over all columns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfColumns {
+    /// Number of nodes in each column, in whole blocks.
+    len: usize,
+    /// Distance between columns.
+    distance: usize,
+    /// From the first node in the first column to the last in the last.
+    pub(super) span: usize,
 }
 
 impl ThickPlane {
@@ -26,7 +39,7 @@ impl ThickPlane {
     /// For vectors of a level.
     pub(super) fn zeros(layout: &Layout) -> Self {
         let Layout { counts, columns, plane, .. } = layout;
-        let len = plane / columns + 4 * BLOCK + counts[0];
+        let len = (plane / columns + 4 * BLOCK + counts[0]).max(2 * half_row(counts[0]));
         Self { len, values: [vec![0.0; columns * len], vec![0.0; columns * len]] }
     }
 
@@ -50,11 +63,17 @@ impl ThickPlane {
         ((parity + j) % 2, BLOCK + (parity + j) / 2 + j * layout.row)
     }
 
-    /// Row j's nodes of one parity in all columns, from those in the first column on.
+    /// Row j's nodes of one parity in all columns, as [`HalfRows::nodes`] has them.
     #[inline(always)]
-    pub(super) fn half_rows(&self, layout: &Layout, j: usize, parity: usize) -> &[f32] {
+    pub(super) fn nodes(&self, layout: &Layout, j: usize, parity: usize, span: usize) -> &[f32] {
         let (part, start) = self.row(layout, j, parity);
-        &self.values[part][start..]
+        &self.values[part][start..start + span]
+    }
+
+    #[inline(always)]
+    pub(super) fn nodes_mut(&mut self, layout: &Layout, j: usize, parity: usize, span: usize) -> &mut [f32] {
+        let (part, start) = self.row(layout, j, parity);
+        &mut self.values[part][start..start + span]
     }
 }
 
@@ -64,27 +83,50 @@ impl HalfRows {
     }
 
     /// For vectors of a level.
-    pub(super) fn zeros(layout: &Layout) -> Self {
-        let half = half_row(layout.counts[0]);
-        Self { half, values: vec![0.0; layout.columns * 2 * half] }
+    pub(super) fn zeros(layout: &Layout, thick: &ThickPlane) -> Self {
+        let (half, distance) = (half_row(layout.counts[0]), thick.len);
+        let len = half - 3 * BLOCK;
+        let span = (layout.columns - 1) * distance + len;
+        let columns = HalfColumns { len, distance, span };
+        Self { half, columns, values: vec![0.0; layout.columns * distance] }
     }
 
-    /// Where the nodes of one parity are in a row, in whole blocks: in one column, and in shares.
+    /// Where the nodes of one parity are in a column's row, and in the shares of that row.
     #[inline(always)]
-    pub(super) fn nodes(&self, parity: usize) -> Range<usize> {
+    pub(super) fn places(&self, parity: usize) -> Range<usize> {
         let start = parity * self.half + BLOCK;
-        start..start + self.half - 3 * BLOCK
+        start..start + self.columns.len
     }
 
-    /// One column's.
+    /// The nodes of one parity from those of the first column to those of the last.
     #[inline(always)]
-    pub(super) fn column(&self, column: usize) -> &[f32] {
-        &self.values[column * 2 * self.half..][..2 * self.half]
+    pub(super) fn nodes(&self, parity: usize) -> &[f32] {
+        &self.values[parity * self.half + BLOCK..][..self.columns.span]
     }
 
     #[inline(always)]
-    pub(super) fn column_mut(&mut self, column: usize) -> &mut [f32] {
-        &mut self.values[column * 2 * self.half..][..2 * self.half]
+    pub(super) fn nodes_mut(&mut self, parity: usize) -> &mut [f32] {
+        &mut self.values[parity * self.half + BLOCK..][..self.columns.span]
+    }
+
+    /// One column's row.
+    #[inline(always)]
+    pub(super) fn row(&self, column: usize) -> &[f32] {
+        &self.values[column * self.columns.distance..][..2 * self.half]
+    }
+
+    #[inline(always)]
+    pub(super) fn row_mut(&mut self, column: usize) -> &mut [f32] {
+        &mut self.values[column * self.columns.distance..][..2 * self.half]
+    }
+}
+
+impl HalfColumns {
+    /// Where the nodes of one column are.
+    #[inline(always)]
+    pub(super) fn places(self, column: usize) -> Range<usize> {
+        let start = column * self.distance;
+        start..start + self.len
     }
 }
 

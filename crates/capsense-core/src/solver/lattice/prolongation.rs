@@ -60,20 +60,24 @@ impl Prolongation<'_> {
         let (colour, even) = layout.place([0, j, k]);
         let (other, odd) = layout.place([1, j, k]);
         let n = layout.counts[0].next_multiple_of(2 * BLOCK) / 2;
+        let shares = RowShares::of(self.stages.x.as_ref(), j, k);
         for &column in self.fine.active {
             let of_even = &x[colour][layout.in_column(column, even)..][..n + BLOCK];
             let of_odd = &x[other][layout.in_column(column, odd)..][..n + BLOCK];
-            match &self.stages.x {
-                Some(stage) => {
-                    pairs.interpolate(simd, RowShares::of(stage, j, k), of_even, of_odd);
-                    pairs.put::<S>(&self.stages.pieces, halves.column_mut(column));
-                }
-                None => {
-                    let (even, odd) = (halves.nodes(0), halves.nodes(1));
-                    let row = halves.column_mut(column);
-                    copy::<S>(&mut row[even], of_even);
-                    copy::<S>(&mut row[odd], of_odd);
-                }
+            if shares.is_some() {
+                pairs.fill(column, of_even, of_odd);
+            } else {
+                let here = halves.columns.places(column);
+                copy::<S>(&mut halves.nodes_mut(0)[here.clone()], of_even);
+                copy::<S>(&mut halves.nodes_mut(1)[here], of_odd);
+            }
+        }
+        if let Some(shares) = shares {
+            for &column in self.fine.active {
+                pairs.interpolate(simd, shares, column);
+            }
+            for &column in self.fine.active {
+                pairs.put::<S>(&self.stages.pieces, column, halves.row_mut(column));
             }
         }
     }
@@ -84,28 +88,31 @@ impl Prolongation<'_> {
         let Between { thick: [thick, _], halves: [after, before], .. } = &mut *self.between;
         let (layout, stage) = (&self.fine.layout, &self.stages.y);
         let own = stage.as_ref().map_or(j, |stage| stage.fine_plane[j]);
+        let columns = after.columns;
+        let span = columns.span;
         let eliminated = stage.as_ref().filter(|stage| stage.is_eliminated(own.wrapping_sub(1)));
         // What is written beyond the end of a row is overwritten by the rows that follow.
         if let Some(stage) = eliminated {
             for parity in 0..2 {
-                let nodes = after.nodes(parity);
-                let (part, start) = thick.row(layout, own - 1, parity);
-                let previous = &stage.previous.row(own - 1, k)[nodes.clone()];
-                let next = &stage.next.row(own - 1, k)[nodes.clone()];
+                let places = after.places(parity);
+                let previous = &stage.previous.row(own - 1, k)[places.clone()];
+                let next = &stage.next.row(own - 1, k)[places];
+                let to = thick.nodes_mut(layout, own - 1, parity, span);
+                let (before, next_row) = (&before.nodes(parity)[..span], &after.nodes(parity)[..span]);
                 for &column in self.fine.active {
-                    let to = &mut thick.values[part][start + column * thick.len..][..nodes.len()];
-                    let before = &before.column(column)[nodes.clone()];
-                    let after = &after.column(column)[nodes.clone()];
-                    combine(simd, to, [previous, before], [next, after]);
+                    let here = columns.places(column);
+                    let (previous, next) =
+                        ([previous, &before[here.clone()]], [next, &next_row[here.clone()]]);
+                    combine(simd, &mut to[here], previous, next);
                 }
             }
         }
         for parity in 0..2 {
-            let nodes = after.nodes(parity);
-            let (part, start) = thick.row(layout, own, parity);
+            let to = thick.nodes_mut(layout, own, parity, span);
+            let from = &after.nodes(parity)[..span];
             for &column in self.fine.active {
-                let to = &mut thick.values[part][start + column * thick.len..][..nodes.len()];
-                copy::<S>(to, &after.column(column)[nodes.clone()]);
+                let here = columns.places(column);
+                copy::<S>(&mut to[here.clone()], &from[here]);
             }
         }
     }

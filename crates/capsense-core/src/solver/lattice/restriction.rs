@@ -4,7 +4,7 @@ use super::layout::{BLOCK, Layout, RED};
 use super::level::Level;
 use super::pairs::RowShares;
 use super::parts::Part;
-use super::rows::{add_product, copy, gather};
+use super::rows::{add_product, add_to, copy, gather};
 use super::transfer::{Between, Stages};
 use pulp::{Simd, WithSimd};
 
@@ -72,28 +72,30 @@ impl Restriction<'_> {
         let own = stage.as_ref().map_or(j, |stage| stage.fine_plane[j]);
         let eliminated = |plane: usize| stage.as_ref().filter(|stage| stage.is_eliminated(plane));
         let (after, before) = (eliminated(own + 1), eliminated(own.wrapping_sub(1)));
+        let columns = halves.columns;
+        let span = columns.span;
         for parity in 0..2 {
-            let nodes = halves.nodes(parity);
-            let n = nodes.len();
-            let from = thick.half_rows(layout, own, parity);
+            let places = halves.places(parity);
+            let from = thick.nodes(layout, own, parity, span);
             let next = after.map(|stage| {
-                (&stage.previous.row(own + 1, k)[nodes.clone()], thick.half_rows(layout, own + 1, parity))
+                let share = &stage.previous.row(own + 1, k)[places.clone()];
+                (share, thick.nodes(layout, own + 1, parity, span))
             });
             let previous = before.map(|stage| {
-                (&stage.next.row(own - 1, k)[nodes.clone()], thick.half_rows(layout, own - 1, parity))
+                let share = &stage.next.row(own - 1, k)[places.clone()];
+                (share, thick.nodes(layout, own - 1, parity, span))
             });
+            let to = &mut halves.nodes_mut(parity)[..span];
             for &column in self.active {
-                let here = column * thick.len..column * thick.len + n;
-                let to = &mut halves.column_mut(column)[nodes.clone()];
-                let own = &from[here.clone()];
+                let here = columns.places(column);
+                let (to, own) = (&mut to[here.clone()], &from[here.clone()]);
                 match (next, previous) {
                     (Some((share, next)), Some((other_share, previous))) => {
                         let previous = [other_share, &previous[here.clone()]];
                         gather(simd, to, own, [share, &next[here]], previous);
                     }
                     (Some((share, beside)), None) | (None, Some((share, beside))) => {
-                        copy::<S>(to, own);
-                        add_product(simd, to, share, &beside[here]);
+                        add_to(simd, to, own, [share, &beside[here]]);
                     }
                     (None, None) => copy::<S>(to, own),
                 }
@@ -111,20 +113,21 @@ impl Restriction<'_> {
         let (of_even, of_odd) = if colour == RED { (red, black) } else { (black, red) };
         // What is written beyond the end of a row is overwritten by the rows that follow.
         let n = layout.counts[0].next_multiple_of(2 * BLOCK) / 2;
+        let shares = RowShares::of(self.stages.x.as_ref(), j, k);
+        if shares.is_some() {
+            for &column in self.active {
+                pairs.take::<S>(&self.stages.pieces, column, halves.row(column));
+            }
+        }
         for &column in self.active {
             let (even, odd) = (layout.in_column(column, even), layout.in_column(column, odd));
             let of_even = &mut of_even[self.part.within(&(even..even + n))];
             let of_odd = &mut of_odd[self.part.within(&(odd..odd + n))];
-            let row = halves.column(column);
-            match &self.stages.x {
-                Some(stage) => {
-                    pairs.take::<S>(&self.stages.pieces, row);
-                    pairs.restrict(simd, RowShares::of(stage, j, k), of_even, of_odd);
-                }
-                None => {
-                    copy::<S>(of_even, &row[halves.nodes(0)]);
-                    copy::<S>(of_odd, &row[halves.nodes(1)]);
-                }
+            if let Some(shares) = shares {
+                pairs.restrict(simd, shares, column, [of_even, of_odd]);
+            } else {
+                copy::<S>(of_even, &halves.nodes(0)[halves.columns.places(column)]);
+                copy::<S>(of_odd, &halves.nodes(1)[halves.columns.places(column)]);
             }
         }
     }

@@ -138,8 +138,8 @@ impl Stage {
             let index = self.coarse.index([i, j, k]);
             let stored = &mut self.coarse.nodes[index];
             let mut changed = [false; 3];
-            for axis in 0..3 {
-                changed[axis] = replace_if_different(&mut stored.next[axis], node.next[axis]);
+            for (axis, changed) in changed.iter_mut().enumerate() {
+                *changed = replace_if_different(&mut stored.next[axis], node.next[axis]);
             }
             if replace_if_different(&mut stored.leak, node.leak) || changed != [false; 3] {
                 own.add(i);
@@ -246,7 +246,9 @@ impl Stage {
         self.coarse_plane.get(plane).is_some_and(Option::is_none)
     }
 
-    /// Of the eliminated node after a coarse node, if there is one.
+    /// Of the eliminated node after a coarse node, if there is one. Called once for each node: in a function of its own, it
+    /// would wait for the indices to arrive through memory.
+    #[inline(always)]
     fn refresh_share(&mut self, fine: &Network, coarse: [usize; 3]) {
         let mut at = self.fine_node(coarse);
         at[self.axis] += 1;

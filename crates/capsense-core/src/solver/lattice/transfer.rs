@@ -66,11 +66,12 @@ impl Transfer {
             })
         };
         let (z, y, x) = (stage(2), stage(1), stage(0));
-        let (thick, halves) = (ThickPlane::zeros(&fine.layout), HalfRows::zeros(&fine.layout));
+        let thick = ThickPlane::zeros(&fine.layout);
+        let halves = HalfRows::zeros(&fine.layout, &thick);
         let between = Between {
+            pairs: Pairs::zeros(coarse[0], fine.layout.columns),
             thick: [thick.clone(), thick],
             halves: [halves.clone(), halves],
-            pairs: Pairs::zeros(coarse[0]),
         };
         let layout = Layout::new(coarse, fine.layout.margin).with_columns(fine.layout.columns);
         let transfer = Self {
