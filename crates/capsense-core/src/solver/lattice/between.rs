@@ -10,12 +10,25 @@ pub(super) struct ThickPlane {
     pub(super) values: [Vec<f32>; 2],
 }
 
-/// A plane with the rows of the coarse level, but all nodes along x: even ones in one piece, then odd ones.
+/// A row of the coarse level along y and z, but with all nodes along x, in every column: even nodes in one piece, then odd
+/// ones. Columns are as far apart as in thick planes.
 #[derive(Clone, Debug)]
-pub(super) struct ThinPlane {
-    pub(super) half: usize,
-    columns: usize,
+pub(super) struct HalfRows {
+    /// Distance between the pieces.
+    half: usize,
+    pub(super) columns: HalfColumns,
     values: Vec<f32>,
+}
+
+/// How the nodes of one parity in a row are spread over all columns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfColumns {
+    /// Number of nodes in each column, in whole blocks.
+    len: usize,
+    /// Distance between columns.
+    distance: usize,
+    /// From the first node in the first column to the last in the last.
+    pub(super) span: usize,
 }
 
 impl ThickPlane {
@@ -26,7 +39,7 @@ impl ThickPlane {
     /// For vectors of a level.
     pub(super) fn zeros(layout: &Layout) -> Self {
         let Layout { counts, columns, plane, .. } = layout;
-        let len = plane / columns + 4 * BLOCK + counts[0];
+        let len = (plane / columns + 4 * BLOCK + counts[0]).max(2 * half_row(counts[0]));
         Self { len, values: [vec![0.0; columns * len], vec![0.0; columns * len]] }
     }
 
@@ -44,59 +57,76 @@ impl ThickPlane {
         ((colour + k) % 2, start..start + places.len())
     }
 
-    /// The part and the start of row j's nodes of one parity.
+    /// The part and the start of row j's nodes of one parity, in the first column; the others are `len` apart.
     #[inline(always)]
-    pub(super) fn row(&self, layout: &Layout, j: usize, parity: usize, column: usize) -> (usize, usize) {
-        ((parity + j) % 2, column * self.len + BLOCK + (parity + j) / 2 + j * layout.row)
+    pub(super) fn row(&self, layout: &Layout, j: usize, parity: usize) -> (usize, usize) {
+        ((parity + j) % 2, BLOCK + (parity + j) / 2 + j * layout.row)
     }
 
-    /// Row j's nodes of one parity, and some more to fill blocks.
+    /// Row j's nodes of one parity in all columns, as [`HalfRows::nodes`] has them.
     #[inline(always)]
-    pub(super) fn half_row(
-        &self,
-        layout: &Layout,
-        j: usize,
-        parity: usize,
-        column: usize,
-        half: usize,
-    ) -> &[f32] {
-        let (part, start) = self.row(layout, j, parity, column);
-        &self.values[part][start..start + half]
+    pub(super) fn nodes(&self, layout: &Layout, j: usize, parity: usize, span: usize) -> &[f32] {
+        let (part, start) = self.row(layout, j, parity);
+        &self.values[part][start..start + span]
+    }
+
+    #[inline(always)]
+    pub(super) fn nodes_mut(&mut self, layout: &Layout, j: usize, parity: usize, span: usize) -> &mut [f32] {
+        let (part, start) = self.row(layout, j, parity);
+        &mut self.values[part][start..start + span]
     }
 }
 
-impl ThinPlane {
+impl HalfRows {
     pub(super) fn clear(&mut self) {
         self.values.fill(0.0);
     }
 
-    /// For vectors of a level with so many coarse rows.
-    pub(super) fn zeros(layout: &Layout, rows: usize) -> Self {
-        let (half, columns) = (half_row(layout.counts[0]), layout.columns);
-        Self { half, columns, values: vec![0.0; rows * columns * 2 * half] }
+    /// For vectors of a level.
+    pub(super) fn zeros(layout: &Layout, thick: &ThickPlane) -> Self {
+        let (half, distance) = (half_row(layout.counts[0]), thick.len);
+        let len = half - 3 * BLOCK;
+        let span = (layout.columns - 1) * distance + len;
+        let columns = HalfColumns { len, distance, span };
+        Self { half, columns, values: vec![0.0; layout.columns * distance] }
     }
 
-    /// Where a node is in a row. There is room behind the last.
+    /// Where the nodes of one parity are in a column's row, and in the shares of that row.
     #[inline(always)]
-    pub(super) fn place(&self, node: usize) -> usize {
-        place_in_halves(node, self.half)
+    pub(super) fn places(&self, parity: usize) -> Range<usize> {
+        let start = parity * self.half + BLOCK;
+        start..start + self.columns.len
     }
 
-    /// Where the node before another is. There is room before the first.
+    /// The nodes of one parity from those of the first column to those of the last.
     #[inline(always)]
-    pub(super) fn place_before(&self, node: usize) -> usize {
-        if node.is_multiple_of(2) { self.place(node + 1) - 1 } else { self.place(node - 1) }
-    }
-
-    /// A row: even nodes, then odd ones.
-    #[inline(always)]
-    pub(super) fn row(&self, j: usize, column: usize) -> &[f32] {
-        &self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    pub(super) fn nodes(&self, parity: usize) -> &[f32] {
+        &self.values[parity * self.half + BLOCK..][..self.columns.span]
     }
 
     #[inline(always)]
-    pub(super) fn row_mut(&mut self, j: usize, column: usize) -> &mut [f32] {
-        &mut self.values[(j * self.columns + column) * 2 * self.half..][..2 * self.half]
+    pub(super) fn nodes_mut(&mut self, parity: usize) -> &mut [f32] {
+        &mut self.values[parity * self.half + BLOCK..][..self.columns.span]
+    }
+
+    /// One column's row.
+    #[inline(always)]
+    pub(super) fn row(&self, column: usize) -> &[f32] {
+        &self.values[column * self.columns.distance..][..2 * self.half]
+    }
+
+    #[inline(always)]
+    pub(super) fn row_mut(&mut self, column: usize) -> &mut [f32] {
+        &mut self.values[column * self.columns.distance..][..2 * self.half]
+    }
+}
+
+impl HalfColumns {
+    /// Where the nodes of one column are.
+    #[inline(always)]
+    pub(super) fn places(self, column: usize) -> Range<usize> {
+        let start = column * self.distance;
+        start..start + self.len
     }
 }
 

@@ -30,6 +30,15 @@ pub(super) fn add_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]
     }
 }
 
+/// to = own + a u.
+#[inline(always)]
+pub(super) fn add_to<S: Simd>(simd: S, to: &mut [f32], own: &[f32], [a, u]: [&[f32]; 2]) {
+    let (own, a, u) = (S::as_simd_f32s(own).0, S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
+    for (((to, own), a), u) in S::as_mut_simd_f32s(to).0.iter_mut().zip(own).zip(a).zip(u) {
+        *to = simd.add_f32s(*own, simd.mul_f32s(*a, *u));
+    }
+}
+
 /// to = a u + b v.
 #[inline(always)]
 pub(super) fn combine<S: Simd>(simd: S, to: &mut [f32], [a, u]: [&[f32]; 2], [b, v]: [&[f32]; 2]) {

@@ -8,6 +8,7 @@
 use super::between::{half_row, place_in_halves};
 use super::layout::{Layout, RED};
 use super::network::{Changed, Network, Node};
+use super::pairs::{place_in_pairs, room_for_pairs};
 use std::ops::Range;
 
 /// A coarse network follows the fine one but for changes below this part of a weight, which a preconditioner does not
@@ -59,30 +60,31 @@ impl Share {
 pub(super) enum Shares {
     /// For stages across z: red nodes in the layout of the level.
     Red(Layout, Vec<f32>),
-    /// For other stages: the rows of each plane in turn, even nodes of a row in one piece, then odd ones.
-    Rows { counts: [usize; 3], half: usize, values: Vec<f32> },
+    /// For other stages: the rows of each plane in turn, as the kernels have them on the fine side of the stage.
+    Rows { rows: usize, row: usize, values: Vec<f32> },
 }
 
 impl Shares {
-    fn zeros(counts: [usize; 3], axis: usize, layout: &Layout) -> Self {
-        if axis == 2 {
-            Self::Red(*layout, vec![0.0; layout.len()])
-        } else {
-            let half = half_row(counts[0]);
-            Self::Rows { counts, half, values: vec![0.0; counts[1] * counts[2] * 2 * half] }
-        }
+    fn zeros([nx, ny, nz]: [usize; 3], axis: usize, layout: &Layout) -> Self {
+        let row = match axis {
+            2 => return Self::Red(*layout, vec![0.0; layout.len()]),
+            1 => 2 * half_row(nx),
+            _ => room_for_pairs(nx),
+        };
+        Self::Rows { rows: ny, row, values: vec![0.0; ny * nz * row] }
     }
 
-    fn set(&mut self, at: [usize; 3], value: f32) {
+    /// `in_row` is where the kernels have the node in its row.
+    fn set(&mut self, at: [usize; 3], in_row: usize, value: f32) {
         match self {
             Self::Red(layout, values) => {
                 if let (RED, place) = layout.place(at) {
                     values[place] = value;
                 }
             }
-            Self::Rows { counts, half, values } => {
-                let [i, j, k] = at;
-                values[(k * counts[1] + j) * 2 * *half + place_in_halves(i, *half)] = value;
+            Self::Rows { rows, row, values } => {
+                let [_, j, k] = at;
+                values[(k * *rows + j) * *row + in_row] = value;
             }
         }
     }
@@ -101,7 +103,7 @@ impl Shares {
     pub(super) fn row(&self, j: usize, k: usize) -> &[f32] {
         match self {
             Self::Red(..) => &[],
-            Self::Rows { counts, half, values } => &values[(k * counts[1] + j) * 2 * half..][..2 * half],
+            Self::Rows { rows, row, values } => &values[(k * rows + j) * row..][..*row],
         }
     }
 }
@@ -145,8 +147,8 @@ impl Stage {
             let index = self.coarse.index([i, j, k]);
             let stored = &mut self.coarse.nodes[index];
             let mut changed = [false; 3];
-            for axis in 0..3 {
-                changed[axis] = replace_if_different(&mut stored.next[axis], node.next[axis]);
+            for (axis, changed) in changed.iter_mut().enumerate() {
+                *changed = replace_if_different(&mut stored.next[axis], node.next[axis]);
             }
             if replace_if_different(&mut stored.leak, node.leak) || changed != [false; 3] {
                 own.add(i);
@@ -240,9 +242,11 @@ impl Stage {
         self.coarse_plane.get(plane).is_some_and(Option::is_none)
     }
 
-    /// Of the eliminated node after a coarse node, if there is one.
-    fn refresh_share(&mut self, fine: &Network, at: [usize; 3]) {
-        let mut at = self.fine_node(at);
+    /// Of the eliminated node after a coarse node, if there is one. Called once for each node: in a function of its own, it
+    /// would wait for the indices to arrive through memory.
+    #[inline(always)]
+    fn refresh_share(&mut self, fine: &Network, coarse: [usize; 3]) {
+        let mut at = self.fine_node(coarse);
         at[self.axis] += 1;
         if !self.is_eliminated(at[self.axis]) {
             return;
@@ -258,8 +262,12 @@ impl Stage {
             Share { previous: before * scale, next: after * scale }
         };
         self.shares[node] = share;
-        self.previous.set(at, share.previous);
-        self.next.set(at, share.next);
+        let in_row = match self.axis {
+            0 => place_in_pairs(coarse[0]),
+            _ => place_in_halves(at[0], half_row(fine.counts[0])),
+        };
+        self.previous.set(at, in_row, share.previous);
+        self.next.set(at, in_row, share.next);
     }
 
     /// The weights and the leak of a coarse node.
