@@ -2,7 +2,8 @@
 //!
 //! Benches are named part/method/motion/elements, for a filter such as `step/.*/sideways/30000`. Parts: `update` (depth
 //! image to stiffness matrix and preconditioner), `solve` (to the capacitance matrix), `step` (both). Methods:
-//! - `lattice`, `csr`: the simulator on the lattice, and on the same mesh as plain tetrahedra; C to 1e-4;
+//! - `lattice`, `csr`: the simulator on the lattice, and on the same mesh as plain tetrahedra; C to 1e-4, one thread;
+//!   `lattice-all` and `csr-all` on all threads; `lattice-80` with a dielectric of that relative permittivity for a bar;
 //! - `ic0`: the same matrix, IC(0) conjugate gradients to a relative residual of 1e-6, and `ic0-coarse` to 1e-3;
 //! - `paper-80`, `paper-1e5`: the paper's method to a relative residual of 1e-5, the bar of that relative permittivity.
 //!   Its camera's red channel of 8 bits holds the first; the second stands for steel.
@@ -120,11 +121,24 @@ impl Subject<'_> {
 }
 
 fn simulators(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
-    let simulator = |sensor| Simulator::new(sensor, vec![GROUNDED], solver_options()).unwrap();
-    let parts = [UPDATE, SOLVE, STEP];
-    let subject = |name| Subject { name, lattice, size, parts: &parts, samples: 20, seconds: 2 };
-    subject("lattice").measure(criterion, |lattice| simulator(on_lattice(lattice)));
-    subject("csr").measure(criterion, |lattice| simulator(on_tetrahedra(lattice)));
+    let simulator =
+        |sensor, material, threads| Simulator::new(sensor, vec![material], solver_options(threads)).unwrap();
+    let glass = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
+    let subject = |name, parts| Subject { name, lattice, size, parts, samples: 20, seconds: 2 };
+    for (name, material, threads, parts) in [
+        ("lattice", GROUNDED, Some(1), [UPDATE, SOLVE, STEP].as_slice()),
+        ("lattice-all", GROUNDED, None, &[STEP]),
+        ("lattice-80", glass, Some(1), &[STEP]),
+    ] {
+        let build = |lattice: &Lattice| simulator(on_lattice(lattice), material, threads);
+        subject(name, parts).measure(criterion, build);
+    }
+    for (name, threads, parts) in
+        [("csr", Some(1), [UPDATE, SOLVE, STEP].as_slice()), ("csr-all", None, &[STEP])]
+    {
+        let build = |lattice: &Lattice| simulator(on_tetrahedra(lattice), GROUNDED, threads);
+        subject(name, parts).measure(criterion, build);
+    }
 }
 
 fn baselines(criterion: &mut Criterion, lattice: &Lattice, size: usize) {

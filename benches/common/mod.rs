@@ -41,9 +41,9 @@ pub fn mesh_sizes() -> Vec<usize> {
     MESHES.into_iter().chain(LARGE_MESHES.into_iter().filter(|_| large)).collect()
 }
 
-/// What the simulator is measured with. All benches take it from here: a number of threads belongs here too.
-pub fn solver_options() -> SolverOptions {
-    SolverOptions { tolerance: 1e-4, ..SolverOptions::default() }
+/// What the simulator is measured with, on so many threads or all there are.
+pub fn solver_options(threads: Option<usize>) -> SolverOptions {
+    SolverOptions { tolerance: 1e-4, threads, ..SolverOptions::default() }
 }
 
 pub fn design() -> SensorDesign {
