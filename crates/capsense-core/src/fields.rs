@@ -205,7 +205,7 @@ impl Fields {
         islands: bool,
         options: &SolverOptions,
     ) {
-        if self.solver.bracket_is_open(options) {
+        if !self.solver.must_solve(options) {
             return;
         }
         self.solver.refresh(matrix, &self.fixed, &self.changed);
@@ -218,7 +218,9 @@ impl Fields {
     }
 
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
-        self.solver.solve(options)
+        let report = self.solver.solve(options)?;
+        debug_assert!(report.skipped || self.changed.is_empty(), "the solver was not told of all changes");
+        Ok(report)
     }
 
     /// Takes the energies of the last solve for those of the empty scene.

@@ -122,8 +122,7 @@ impl FieldSolver {
 
     /// Improves the fields until the tolerance is reached, unless nothing that changed can matter.
     pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
-        self.demand.update(&self.bracket.energies);
-        if !self.residual_is_lost && self.may_skip(options) {
+        if !self.must_solve(options) {
             return Ok(SolveReport {
                 iterations: 0,
                 relative_error: self.gap_of_capacitances(),
@@ -158,6 +157,12 @@ impl FieldSolver {
         (0..self.columns)
             .map(|column| self.demand.error_of_capacitance(column, self.bracket.relative_error(column)))
             .fold(0.0, f64::max)
+    }
+
+    /// Whether what changed can matter. Where it cannot, the solver need not be told of it yet.
+    pub(crate) fn must_solve(&mut self, options: &SolverOptions) -> bool {
+        self.demand.update(&self.bracket.energies);
+        self.residual_is_lost || !self.may_skip(options)
     }
 
     fn may_skip(&self, options: &SolverOptions) -> bool {
