@@ -217,15 +217,21 @@ impl Fields {
         }
     }
 
-    pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
-        let report = self.solver.solve(options)?;
+    pub(crate) fn solve(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        options: &SolverOptions,
+    ) -> Result<SolveReport, SolveError> {
+        let report = self.solver.solve(matrix, options)?;
         debug_assert!(report.skipped || self.changed.is_empty(), "the solver was not told of all changes");
         Ok(report)
     }
 
-    /// Takes the energies of the last solve for those of the empty scene.
-    pub(crate) fn remember_base(&mut self) {
+    /// Takes the energies of the last solve for those of the empty scene. All that follow are solved for as exactly as
+    /// `options` ask for.
+    pub(crate) fn remember_base(&mut self, matrix: &StiffnessMatrix, options: &SolverOptions) {
         self.solver.remember_base();
+        self.solver.choose_precision(matrix, options);
     }
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are

@@ -146,7 +146,7 @@ impl Simulator {
         let _ = simulator.solve()?;
         simulator.options = options;
         simulator.base = simulator.capacitance.clone();
-        simulator.fields.remember_base();
+        simulator.fields.remember_base(&simulator.matrix, &options);
         Ok(simulator)
     }
 
@@ -200,7 +200,7 @@ impl Simulator {
     /// When the solver fails; [`Simulator::capacitance`] then still is that of the frame before, and the next solve
     /// starts from zero.
     pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
-        let report = self.fields.solve(&self.options).inspect_err(|_| self.fields.reset())?;
+        let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
         self.fields.maxwell(&mut self.held);
         self.released.copy_leading(&self.held);
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
@@ -396,7 +396,7 @@ mod tests {
         let (front, back) = depth.layer_mut(0);
         front[..40].fill(0.03);
         back[..40].fill(0.05);
-        // Multigrid has the lattice's operator, the others have rows.
+        // Multigrid has the lattice's operator, in single precision, the others have rows.
         for preconditioner in [Preconditioner::Multigrid, Preconditioner::Ic0, Preconditioner::Jacobi] {
             let options = SolverOptions { preconditioner, ..SolverOptions::default() };
             let plate = Material::Conductor(Connection::Grounded);
@@ -404,7 +404,7 @@ mod tests {
             let reported = simulator.step(&depth).unwrap().solve.residual;
             let expected = residual(&simulator);
             assert!(
-                (reported / expected - 1.0).abs() < 1e-6,
+                (reported / expected - 1.0).abs() < 2e-5,
                 "{preconditioner:?}: {reported:e} {expected:e}"
             );
         }

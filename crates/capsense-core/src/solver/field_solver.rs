@@ -13,6 +13,12 @@ use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 
+/// Down to this relative error of an energy, potentials may be in single precision.
+const SINGLE_PRECISION: f64 = 1e-6;
+
+/// Iterations that a solve in single precision may take: more of them tell of rounding that does not let it end.
+const ITERATIONS_IN_SINGLE_PRECISION: usize = 30;
+
 /// Fields of several terminals, and how to improve them.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldSolver {
@@ -121,7 +127,11 @@ impl FieldSolver {
     }
 
     /// Improves the fields until the tolerance is reached, unless nothing that changed can matter.
-    pub(crate) fn solve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+    pub(crate) fn solve(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        options: &SolverOptions,
+    ) -> Result<SolveReport, SolveError> {
         if !self.must_solve(options) {
             return Ok(SolveReport {
                 iterations: 0,
@@ -131,12 +141,7 @@ impl FieldSolver {
             });
         }
         self.bracket.is_lost = true;
-        let lost = std::mem::take(&mut self.residual_is_lost);
-        let Self { vectors, workers, iteration, demand, .. } = self;
-        let report = workers.among(|| match vectors {
-            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
-            Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
-        });
+        let report = self.improve_in_some_precision(matrix, options);
         if report.is_err() {
             self.iteration.forget();
             if let Vectors::Lattice(fields) = &mut self.vectors {
@@ -151,6 +156,64 @@ impl FieldSolver {
         self.bracket.reset(energies, (0..self.columns).map(|column| self.iteration.relative_error(column)));
         self.residual = report.residual;
         Ok(report)
+    }
+
+    /// In single precision for as long as that is exact enough.
+    fn improve_in_some_precision(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        options: &SolverOptions,
+    ) -> Result<SolveReport, SolveError> {
+        if self.is_single() && !self.single_is_enough(options) {
+            self.change_precision(matrix);
+        }
+        if !self.is_single() {
+            return self.improve(options);
+        }
+        let max_iterations = options.max_iterations.min(ITERATIONS_IN_SINGLE_PRECISION);
+        let report = self.improve(&SolverOptions { max_iterations, ..*options });
+        match report {
+            Err(SolveError::NotConverged { .. }) => {
+                self.iteration.forget();
+                self.change_precision(matrix);
+                self.improve(options)
+            }
+            _ => report,
+        }
+    }
+
+    fn improve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        let lost = std::mem::take(&mut self.residual_is_lost);
+        let Self { vectors, workers, iteration, demand, .. } = self;
+        workers.among(|| match vectors {
+            Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
+            Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
+        })
+    }
+
+    fn is_single(&self) -> bool {
+        matches!(&self.vectors, Vectors::Lattice(fields) if fields.is_single())
+    }
+
+    fn single_is_enough(&self, options: &SolverOptions) -> bool {
+        (0..self.columns).all(|column| {
+            let energy = self.energies()[column * self.columns + column];
+            energy <= 0.0 || self.demand.allowed(column, energy, options) >= SINGLE_PRECISION
+        })
+    }
+
+    /// Stores potentials in single precision if that is exact enough.
+    pub(crate) fn choose_precision(&mut self, matrix: &StiffnessMatrix, options: &SolverOptions) {
+        if !self.is_single() && self.single_is_enough(options) {
+            self.change_precision(matrix);
+        }
+    }
+
+    fn change_precision(&mut self, matrix: &StiffnessMatrix) {
+        if let Vectors::Lattice(fields) = &mut self.vectors {
+            fields.change_precision(matrix);
+            self.residual_is_lost = true;
+        }
     }
 
     fn gap_of_capacitances(&self) -> f64 {

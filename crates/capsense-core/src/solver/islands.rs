@@ -38,6 +38,10 @@ pub(super) struct Island {
 impl Islands {
     /// Finds the connected sets of free nodes that strong edges hold together. `changed` holds the nodes whose row or
     /// state changed since the last time.
+    pub(super) fn is_empty(&self) -> bool {
+        self.islands.is_empty()
+    }
+
     pub(super) fn find(
         &mut self,
         matrix: &StiffnessMatrix,

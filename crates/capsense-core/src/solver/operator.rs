@@ -17,6 +17,13 @@ pub(super) trait Operator {
     /// z = M r. Returns rᵀz of each column.
     fn precondition(&mut self, active: &[bool]) -> &[f64];
 
+    /// [`Operator::precondition`], then [`Operator::step`] by a z: for operators that can do both in one go. Puts rᵀz,
+    /// before the step, into `rz`.
+    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64], rz: &mut [f64]) {
+        rz.copy_from_slice(self.precondition(active));
+        self.step(a, b);
+    }
+
     /// zᵀKz and zᵀKp of each column.
     fn curvatures(&mut self, active: &[bool]) -> (&[f64], &[f64]);
 
@@ -29,7 +36,8 @@ pub(super) trait Operator {
 pub(super) struct State {
     /// XᵀKX over all rows, row by row: the energies of all pairs of columns.
     pub(super) energies: Vec<f64>,
-    /// rᵀp of each column, p the last step.
+    /// rᵀp of each column, p the last step, before it and after it.
+    pub(super) before: Vec<f64>,
     pub(super) along: Vec<f64>,
     /// Σ (Kx)² over free rows, which is Σ r², and over the rows at 1 V, of each column.
     pub(super) residual: Vec<f64>,
@@ -39,18 +47,27 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(columns: usize) -> Self {
         let zeros = || vec![0.0; columns];
-        Self { energies: vec![0.0; columns * columns], along: zeros(), residual: zeros(), charge: zeros() }
+        Self {
+            energies: vec![0.0; columns * columns],
+            before: zeros(),
+            along: zeros(),
+            residual: zeros(),
+            charge: zeros(),
+        }
     }
 
     pub(super) fn clear(&mut self) {
-        for sums in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
+        for sums in
+            [&mut self.energies, &mut self.before, &mut self.along, &mut self.residual, &mut self.charge]
+        {
             sums.fill(0.0);
         }
     }
     /// Adds another's sums.
     pub(super) fn add(&mut self, other: &Self) {
-        let Self { energies, along, residual, charge } = self;
+        let Self { energies, before, along, residual, charge } = self;
         let pairs = energies.iter_mut().zip(&other.energies).chain(along.iter_mut().zip(&other.along));
+        let pairs = pairs.chain(before.iter_mut().zip(&other.before));
         let squares = residual.iter_mut().zip(&other.residual).chain(charge.iter_mut().zip(&other.charge));
         pairs.chain(squares).for_each(|(sum, part)| *sum += part);
     }

@@ -75,7 +75,13 @@ impl ConjugateGradients {
                     tolerance: options.tolerance,
                 });
             }
-            self.rz.copy_from_slice(fields.precondition(&self.active));
+            let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
+            if exact {
+                self.rz.copy_from_slice(fields.precondition(&self.active));
+            } else {
+                self.take_usual_lengths();
+                fields.precondition_and_step(&self.active, &self.a, &self.b, &mut self.rz);
+            }
             self.check(iterations)?;
             if !self.active.contains(&true) {
                 if iterations == 0 {
@@ -86,13 +92,10 @@ impl ConjugateGradients {
                 self.check_exhausted(fields, demand, options, iterations)?;
                 break;
             }
-            let exact = iterations > 0 || self.error.is_learning() || !self.lengths_are_usual();
             if exact {
                 self.minimise(fields, iterations)?;
-            } else {
-                self.take_usual_lengths();
+                fields.step(&self.a, &self.b);
             }
-            fields.step(&self.a, &self.b);
             self.record(fields, iterations, exact)?;
             iterations += 1;
             demand.update(&fields.state().energies);
@@ -178,7 +181,6 @@ impl ConjugateGradients {
         for column in 0..self.active.len() {
             let length = if self.active[column] { self.lengths[column] } else { 0.0 };
             (self.a[column], self.b[column]) = (length, 0.0);
-            self.before[column] = length * self.rz[column];
         }
     }
 
@@ -217,7 +219,8 @@ impl ConjugateGradients {
         let state = fields.state();
         let columns = self.active.len();
         for column in (0..columns).filter(|&column| self.active[column]) {
-            let (before, after) = (self.before[column], state.along[column]);
+            let before = if exact { self.before[column] } else { self.a[column] * self.rz[column] };
+            let after = state.along[column];
             let energy = state.energies[column * columns + column];
             if !(energy.is_finite() && after.is_finite()) {
                 return Err(SolveError::NonFinite { column, iteration });

@@ -38,7 +38,8 @@ const COARSEST_SWEEPS: usize = 4;
 pub(super) struct Hierarchy {
     /// From fine to coarse.
     pub(super) levels: Vec<Level>,
-    transfers: Vec<Transfer>,
+    /// The first leads from the finest level.
+    pub(super) transfers: Vec<Transfer>,
     finest: Network,
     changed: Changed,
 }
@@ -117,6 +118,15 @@ impl Hierarchy {
 
     /// One symmetric V-cycle from the right-hand side to the correction of the finest level.
     pub(super) fn cycle(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+        self.correct_coarse(workers, arch, active);
+        let Self { levels, transfers, .. } = self;
+        if let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) {
+            transfer.prolong(workers, arch, finest, coarse, active);
+        }
+    }
+
+    /// The cycle up to where the second level is corrected; the whole of it if there is no such level.
+    pub(super) fn correct_coarse(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
         let Self { levels, transfers, .. } = self;
         for (index, transfer) in transfers.iter_mut().enumerate() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
@@ -126,7 +136,7 @@ impl Hierarchy {
         if let Some(coarsest) = levels.last_mut() {
             coarsest.solve(arch, COARSEST_SWEEPS, active);
         }
-        for (index, transfer) in transfers.iter_mut().enumerate().rev() {
+        for (index, transfer) in transfers.iter_mut().enumerate().skip(1).rev() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
             transfer.prolong(workers, arch, &mut fine[index], &coarse[0], active);
         }

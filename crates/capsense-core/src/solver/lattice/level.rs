@@ -33,7 +33,7 @@ pub(super) struct Slab<'a> {
     pub(super) part: &'a Part,
     pub(super) stencil: &'a Stencil<f32>,
     pub(super) layout: Layout,
-    b: &'a Coloured<f32>,
+    pub(super) b: [&'a mut [f32]; 2],
     pub(super) x: [&'a mut [f32]; 2],
     r: &'a mut [f32],
     pub(super) active: &'a [usize],
@@ -76,9 +76,17 @@ impl Level {
         active: &'a [usize],
     ) -> impl Iterator<Item = Slab<'a>> {
         let Self { stencil, layout, parts, b, x, r } = self;
-        let (stencil, layout, b, parts) = (&*stencil, *layout, &*b, parts.phases()[phase]);
-        let vectors = cut_both(parts, x).zip(cut(parts, r));
-        parts.iter().zip(vectors).map(move |(part, (x, r))| Slab { part, stencil, layout, b, x, r, active })
+        let (stencil, layout, parts) = (&*stencil, *layout, parts.phases()[phase]);
+        let vectors = cut_both(parts, b).zip(cut_both(parts, x)).zip(cut(parts, r));
+        parts.iter().zip(vectors).map(move |(part, ((b, x), r))| Slab {
+            part,
+            stencil,
+            layout,
+            b,
+            x,
+            r,
+            active,
+        })
     }
 
     /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and
@@ -156,9 +164,8 @@ impl Slab<'_> {
     fn scale_red<S: Simd>(&mut self, simd: S, k: usize) {
         let stencil = self.stencil.piece(RED, self.stencil.layout.plane(k));
         for &column in self.active {
-            let places = self.layout.plane_of(column, k);
-            let x = &mut self.x[RED][self.part.within(&places)];
-            stencil.scale(simd, x, &self.b[RED][places]);
+            let here = self.part.within(&self.layout.plane_of(column, k));
+            stencil.scale(simd, &mut self.x[RED][here.clone()], &self.b[RED][here]);
         }
     }
 
@@ -169,10 +176,9 @@ impl Slab<'_> {
         let (own, other) = if colour == RED { (red, &*black) } else { (black, &*red) };
         let stencil = self.stencil.piece(colour, self.stencil.layout.plane(k));
         for &column in self.active {
-            let places = self.layout.plane_of(column, k);
-            let here = self.part.within(&places);
+            let here = self.part.within(&self.layout.plane_of(column, k));
             let around = self.layout.neighbours(colour, here.start, here.len(), other);
-            stencil.relax(simd, &mut own[here], &self.b[colour][places], around);
+            stencil.relax(simd, &mut own[here.clone()], &self.b[colour][here], around);
         }
     }
 

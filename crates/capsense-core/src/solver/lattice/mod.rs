@@ -1,14 +1,18 @@
-//! The solver on lattices: the 7-point network without indices in double precision, preconditioned by geometric
-//! multigrid in single precision.
+//! The solver on lattices: the 7-point network without indices, preconditioned by geometric multigrid in single
+//! precision.
 
 mod between;
 mod hierarchy;
 mod layout;
 mod level;
+mod links;
 mod network;
 mod operator;
 mod pairs;
 mod parts;
+mod potentials;
+mod precision;
+mod products;
 mod prolongation;
 mod restriction;
 mod rows;
@@ -26,11 +30,11 @@ use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use hierarchy::Hierarchy;
 use layout::{Coloured, Layout};
+use links::ObjectLinks;
 use parts::Parts;
+use potentials::{NodeInColumn, Potentials};
 use pulp::Arch;
-use std::ops::Range;
-use stencil::Stencil;
-use sums::Sums;
+use sums::PIECE;
 
 #[cfg(test)]
 mod tests;
@@ -39,12 +43,11 @@ mod tests;
 #[derive(Clone, Debug)]
 pub(crate) struct LatticeSolver {
     columns: usize,
-    /// That of the vectors.
+    /// That of the vectors, and that of numbers which are there once for each node.
     layout: Layout,
-    /// K over the nodes; what links nodes to objects is on the diagonal.
-    stencil: Stencil<f64>,
+    of_nodes: Layout,
+    potentials: Potentials,
     links: ObjectLinks,
-    x: Coloured<f64>,
     /// The last step but for a factor, which each column has its own.
     p: Coloured<f32>,
     scale: Vec<f64>,
@@ -61,29 +64,9 @@ pub(crate) struct LatticeSolver {
     state: State,
     /// How threads share the planes, and storage for each.
     parts: Parts,
-    sums: Vec<Sums>,
+    charges: Vec<Vec<f32>>,
     workers: Workers,
     arch: Arch,
-}
-
-/// Links to objects that are at 1 V in some column.
-#[derive(Clone, Debug, Default)]
-struct ObjectLinks {
-    /// In the order of colours and places.
-    links: Vec<ObjectLink>,
-    /// Those of nodes that are not evaluated because their rows and planes are fixed throughout.
-    of_margin: Vec<ObjectLink>,
-    /// Potentials of objects: object by object, all columns.
-    potentials: Vec<f64>,
-}
-
-/// A capacitance between a node and an object.
-#[derive(Clone, Copy, Debug)]
-struct ObjectLink {
-    colour: usize,
-    at: usize,
-    object: usize,
-    weight: f64,
 }
 
 impl LatticeSolver {
@@ -104,9 +87,9 @@ impl LatticeSolver {
         Self {
             columns,
             layout,
-            stencil: Stencil::new(of_nodes),
-            links: ObjectLinks { potentials: vec![0.0; objects * columns], ..ObjectLinks::default() },
-            x: layout.zeros(),
+            of_nodes,
+            potentials: Potentials::double(of_nodes, &layout, parts.slabs.len()),
+            links: ObjectLinks::new(objects, columns),
             p: layout.zeros(),
             scale: vec![0.0; columns],
             hierarchy,
@@ -116,7 +99,7 @@ impl LatticeSolver {
             products_of_planes: vec![[vec![0.0; columns], vec![0.0; columns]]; counts[2]],
             state_of_planes: vec![State::new(columns); counts[2]],
             state: State::new(columns),
-            sums: vec![Sums::new(&layout); parts.slabs.len()],
+            charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,
             arch: Arch::new(),
@@ -133,7 +116,7 @@ impl LatticeSolver {
             Some(object) => self.links.potentials[object * self.columns + column],
             None => {
                 let (colour, at) = self.place(column, row);
-                self.x[colour][at]
+                self.potentials.get(colour, at)
             }
         }
     }
@@ -145,14 +128,36 @@ impl LatticeSolver {
             Some(object) => self.links.potentials[object * self.columns + column] = potential,
             None => {
                 let (colour, at) = self.place(column, row);
-                self.x[colour][at] = potential;
+                self.potentials.set(colour, at, potential);
             }
         }
     }
 
+    /// Whether potentials are stored in single precision.
+    pub(crate) fn is_single(&self) -> bool {
+        self.potentials.is_single()
+    }
+
+    /// Stores potentials in another precision.
+    pub(crate) fn change_precision(&mut self, matrix: &StiffnessMatrix) {
+        let (of_nodes, layout, slabs) = (self.of_nodes, self.layout, self.parts.slabs.len());
+        let mut potentials = match self.potentials {
+            Potentials::Double { .. } => Potentials::single(of_nodes, &layout, slabs),
+            Potentials::Single { .. } => Potentials::double(of_nodes, &layout, slabs),
+        };
+        for node in 0..self.nodes() {
+            potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
+            for column in 0..self.columns {
+                let (colour, at) = self.place(column, node);
+                potentials.set(colour, at, self.potentials.get(colour, at));
+            }
+        }
+        self.potentials = potentials;
+    }
+
     /// Zero fields, after a solve that failed: nothing of it may be left, padding included.
     pub(crate) fn clear(&mut self) {
-        self.x.iter_mut().for_each(|values| values.fill(0.0));
+        self.potentials.clear();
         self.p.iter_mut().for_each(|values| values.fill(0.0));
         self.scale.fill(0.0);
         self.hierarchy.clear();
@@ -178,77 +183,22 @@ impl LatticeSolver {
     /// Takes over the matrix and the fixed rows where they changed, and the residual there. `changed` must hold all
     /// nodes whose row, state or neighbour's potential changed.
     pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
-        let layout = self.stencil.layout;
+        let (of_nodes, layout) = (self.of_nodes, self.layout);
         for node in changed.iter().map(|&node| node as usize) {
-            let (colour, at) = layout.place(layout.indices(node));
-            for axis in 0..3 {
-                self.stencil.next[axis][colour][at] = matrix.lattice_weight(node, axis);
-            }
-            self.stencil.centre[colour][at] = matrix.diagonal(node);
+            self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
         }
         self.hierarchy.refresh(matrix, fixed, changed);
-        self.links.collect(&layout, matrix, self.columns);
-        for &node in changed {
-            self.refresh_residual(node as usize, fixed[node as usize]);
-        }
-    }
-
-    /// The residual of one node, with the same operations as everywhere else.
-    fn refresh_residual(&mut self, node: usize, fixed: bool) {
-        let [of_nodes, layout] = [&self.stencil.layout, &self.layout];
-        let indices = layout.indices(node);
-        let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
-        for column in 0..self.columns {
-            let place = layout.in_column(column, first);
-            let mut charge = 0.0;
-            if !fixed {
-                let around = layout.neighbours(colour, place, 1, &self.x[1 - colour]);
-                charge = self.stencil.charge(colour, at, self.x[colour][place], around);
-                for link in self.links.between(colour, &(at..at + 1)) {
-                    charge -= link.weight * self.links.potentials[link.object * self.columns + column];
-                }
-            }
-            self.hierarchy.levels[0].b[colour][place] = -charge as f32;
-        }
-    }
-}
-
-impl ObjectLinks {
-    /// Takes those links of a matrix that lead to objects that are at 1 V in some column.
-    fn collect(&mut self, layout: &Layout, matrix: &StiffnessMatrix, columns: usize) {
-        self.links.clear();
-        self.of_margin.clear();
-        for (node, object, weight) in matrix.object_links() {
-            if self.potentials[object * columns..][..columns].iter().any(|&potential| potential != 0.0) {
-                let indices = layout.indices(node);
-                let (colour, at) = layout.place(indices);
-                let is_evaluated =
-                    layout.planes().contains(&indices[2]) && layout.plane(indices[2]).contains(&at);
-                let links = if is_evaluated { &mut self.links } else { &mut self.of_margin };
-                links.push(ObjectLink { colour, at, object, weight });
+        self.links.collect(&of_nodes, matrix, self.columns);
+        for node in changed.iter().map(|&node| node as usize) {
+            let indices = layout.indices(node);
+            let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
+            for column in 0..self.columns {
+                let at = NodeInColumn { column, colour, at, place: layout.in_column(column, first) };
+                let finest = &mut self.hierarchy.levels[0];
+                finest.b[colour][at.place] =
+                    if fixed[node] { 0.0 } else { self.potentials.residual(finest, &self.links, at) };
             }
         }
-        self.links.sort_by_key(|link| (link.colour, link.at));
-    }
-
-    /// Adds the energies of links to nodes of the margin, which are held at 0 V in all columns.
-    fn add_margin(&self, columns: usize, energies: &mut [f64]) {
-        for link in &self.of_margin {
-            let potentials = &self.potentials[link.object * columns..][..columns];
-            for (s, t) in (0..columns).flat_map(|s| (0..columns).map(move |t| (s, t))) {
-                energies[s * columns + t] += link.weight * potentials[s] * potentials[t];
-            }
-        }
-    }
-
-    /// Those of nodes of one colour at some places.
-    fn between(&self, colour: usize, places: &Range<usize>) -> &[ObjectLink] {
-        if self.links.is_empty() {
-            return &[];
-        }
-        let start = self.links.partition_point(|link| (link.colour, link.at) < (colour, places.start));
-        let end = self.links.partition_point(|link| (link.colour, link.at) < (colour, places.end));
-        &self.links[start..end]
     }
 }
 

@@ -1,7 +1,7 @@
 //! The iteration's view of the fields on a lattice.
 
 use super::LatticeSolver;
-use super::walk::Factor;
+use super::products::Factor;
 use crate::solver::operator::{Operator, State};
 
 impl Operator for LatticeSolver {
@@ -19,12 +19,24 @@ impl Operator for LatticeSolver {
     }
 
     fn precondition(&mut self, active: &[bool]) -> &[f64] {
-        self.active.clear();
-        self.active.extend((0..self.columns).filter(|&column| active[column]));
+        self.activate(active);
         self.hierarchy.cycle(&self.workers, self.arch, &self.active);
         self.multiply_correction(Factor::Residual);
         self.correct_islands();
         &self.products[0]
+    }
+
+    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64], rz: &mut [f64]) {
+        self.activate(active);
+        self.scale.copy_from_slice(a);
+        if self.islands.is_empty() && self.cycle_and_walk() {
+            std::mem::swap(&mut self.p, &mut self.hierarchy.levels[0].x);
+            rz.copy_from_slice(&self.state.before);
+            self.scale_products();
+        } else {
+            rz.copy_from_slice(self.precondition(active));
+            self.step(a, b);
+        }
     }
 
     fn curvatures(&mut self, _active: &[bool]) -> (&[f64], &[f64]) {
@@ -49,11 +61,21 @@ impl Operator for LatticeSolver {
         } else {
             self.walk(Some(&beta));
         }
-        self.state.along.iter_mut().zip(&self.scale).for_each(|(along, scale)| *along *= scale);
+        self.scale_products();
     }
 }
 
 impl LatticeSolver {
+    fn activate(&mut self, active: &[bool]) {
+        self.active.clear();
+        self.active.extend((0..self.columns).filter(|&column| active[column]));
+    }
+
+    /// p is stored but for a factor; rᵀp is not.
+    fn scale_products(&mut self) {
+        self.state.along.iter_mut().zip(&self.scale).for_each(|(along, scale)| *along *= scale);
+    }
+
     /// Adds the directions of islands to z.
     fn correct_islands(&mut self) {
         let layout = self.layout;

@@ -9,7 +9,7 @@ use super::layout::Layout;
 use std::ops::Range;
 
 /// A slab must have so many planes, for the borders at its two ends not to touch.
-const MIN_PLANES: usize = 6;
+const MIN_PLANES: usize = 8;
 
 /// Below this number of nodes, threads take longer to wake than they save.
 const WORTHWHILE: usize = 20_000;

@@ -7,21 +7,41 @@ use super::rows::{add, add_product, combine, copy};
 use super::transfer::{Between, Stages};
 use pulp::{Simd, WithSimd};
 
+/// Work that goes on with planes whose correction is finished, in the same walk through the lattice.
+pub(super) trait Behind {
+    /// How many stages there are after that in which the sweep ends.
+    const STAGES: usize;
+
+    /// What is done in a step; `stage` is the one in which the sweep ends.
+    fn follow<S: Simd>(&mut self, simd: S, slab: &mut Slab<'_>, stage: usize, step: usize);
+}
+
+/// No work.
+pub(super) struct Nothing;
+
+impl Behind for Nothing {
+    const STAGES: usize = 0;
+
+    #[inline(always)]
+    fn follow<S: Simd>(&mut self, _simd: S, _slab: &mut Slab<'_>, _stage: usize, _step: usize) {}
+}
+
 /// What one thread prolongs.
-pub(super) struct Prolongation<'a> {
+pub(super) struct Prolongation<'a, B> {
     pub(super) stages: &'a Stages,
     pub(super) between: &'a mut Between,
     pub(super) fine: Slab<'a>,
     pub(super) coarse: &'a Level,
+    pub(super) behind: B,
 }
 
-impl WithSimd for Prolongation<'_> {
+impl<B: Behind> WithSimd for Prolongation<'_, B> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let mut interpolated = None;
-        for step in self.fine.part.steps(3) {
+        for step in self.fine.part.steps(3 + B::STAGES) {
             if let Some(k) = self.fine.part.plane(0, step) {
                 let [before, after] = self.stages.around(k);
                 for coarse in interpolated.unwrap_or(before)..after + 1 {
@@ -32,11 +52,12 @@ impl WithSimd for Prolongation<'_> {
                 self.correct_red(simd, k, before < after);
             }
             self.fine.smooth_behind(simd, step);
+            self.behind.follow(simd, &mut self.fine, 2, step);
         }
     }
 }
 
-impl Prolongation<'_> {
+impl<B: Behind> Prolongation<'_, B> {
     /// Interpolates a coarse plane along x, then y.
     #[inline(always)]
     fn interpolate<S: Simd>(&mut self, simd: S, k: usize) {

@@ -108,6 +108,43 @@ impl Piece<'_, f32> {
     }
 }
 
+impl Piece<'_, f32> {
+    /// y = λ x + Σ w (x - x') in every column, x' around x. The stencil is read once for all of them. Of differences, for
+    /// the diagonal in single precision would not be the sum of the weights.
+    #[inline(always)]
+    pub(super) fn apply_leaking<S: Simd>(
+        &self,
+        simd: S,
+        y: &mut [f32],
+        [x, leak]: [&[f32]; 2],
+        around: [&[f32]; 6],
+        columns: Columns,
+    ) {
+        let y = S::as_mut_simd_f32s(y).0;
+        let span = y.len();
+        let (x, v) = (&single::<S>(x)[..span], six_single::<S>(around, span));
+        let leak = single::<S>(leak);
+        let w = six_single::<S>(self.weights, leak.len());
+        let stride = columns.stride / S::F32_LANES;
+        for i in 0..leak.len() {
+            let (w, leak) = ([w[0][i], w[1][i], w[2][i], w[3][i], w[4][i], w[5][i]], leak[i]);
+            let mut at = i;
+            for _ in 0..columns.count {
+                let own = x[at];
+                let west = simd.mul_f32s(w[0], simd.sub_f32s(own, v[0][at]));
+                let along_x = simd.add_f32s(west, simd.mul_f32s(w[1], simd.sub_f32s(own, v[1][at])));
+                let south = simd.mul_f32s(w[2], simd.sub_f32s(own, v[2][at]));
+                let along_y = simd.add_f32s(south, simd.mul_f32s(w[3], simd.sub_f32s(own, v[3][at])));
+                let down = simd.mul_f32s(w[4], simd.sub_f32s(own, v[4][at]));
+                let along_z = simd.add_f32s(down, simd.mul_f32s(w[5], simd.sub_f32s(own, v[5][at])));
+                let across = simd.add_f32s(along_y, along_z);
+                y[at] = simd.add_f32s(simd.mul_f32s(leak, own), simd.add_f32s(along_x, across));
+                at += stride;
+            }
+        }
+    }
+}
+
 impl Piece<'_, f64> {
     /// y = D x - Σ w x in every column. The stencil is read once for all of them.
     #[inline(always)]
@@ -189,12 +226,37 @@ fn sum_of_six_double<S: Simd>(simd: S, w: [S::f64s; 6], v: [S::f64s; 6]) -> S::f
 impl Stencil<f64> {
     /// What [`Piece::apply`] gives at one place.
     pub(super) fn charge(&self, colour: usize, at: usize, x: f64, around: [&[f64]; 6]) -> f64 {
-        let [west, _, south, _, down, _] = self.layout.around(colour, at);
-        let [x_next, y_next, z_next] = &self.next;
-        let other = 1 - colour;
-        let along_x = x_next[other][west] * around[0][0] + x_next[colour][at] * around[1][0];
-        let along_y = y_next[other][south] * around[2][0] + y_next[colour][at] * around[3][0];
-        let along_z = z_next[other][down] * around[4][0] + z_next[colour][at] * around[5][0];
+        let ([west, east], [south, north], [down, up]) = self.weights(colour, at);
+        let along_x = west * around[0][0] + east * around[1][0];
+        let along_y = south * around[2][0] + north * around[3][0];
+        let along_z = down * around[4][0] + up * around[5][0];
         self.centre[colour][at] * x - (along_x + along_y + along_z)
+    }
+}
+
+impl Stencil<f32> {
+    /// What [`Piece::apply_leaking`] gives at one place.
+    pub(super) fn leaking_charge(
+        &self,
+        colour: usize,
+        at: usize,
+        [x, leak]: [f32; 2],
+        around: [&[f32]; 6],
+    ) -> f32 {
+        let ([west, east], [south, north], [down, up]) = self.weights(colour, at);
+        let along_x = west * (x - around[0][0]) + east * (x - around[1][0]);
+        let along_y = south * (x - around[2][0]) + north * (x - around[3][0]);
+        let along_z = down * (x - around[4][0]) + up * (x - around[5][0]);
+        leak * x + (along_x + (along_y + along_z))
+    }
+}
+
+impl<T: Copy> Stencil<T> {
+    /// The weights to the neighbours of one node, along x, y and z.
+    fn weights(&self, colour: usize, at: usize) -> ([T; 2], [T; 2], [T; 2]) {
+        let [west, _, south, _, down, _] = self.layout.around(colour, at);
+        let [x, y, z] = &self.next;
+        let other = 1 - colour;
+        ([x[other][west], x[colour][at]], [y[other][south], y[colour][at]], [z[other][down], z[colour][at]])
     }
 }

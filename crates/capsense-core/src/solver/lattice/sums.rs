@@ -8,8 +8,9 @@
 //! Sums are taken over the places of a block first, then over the blocks' places in a fixed order, then over planes.
 
 use super::layout::{BLOCK, Coloured, Layout};
-use super::stencil::{Columns, Stencil};
-use super::{ObjectLink, ObjectLinks};
+use super::links::{ObjectLink, ObjectLinks};
+use super::precision::Network;
+use super::stencil::Columns;
 use crate::solver::operator::State;
 use pulp::Simd;
 use std::ops::Range;
@@ -22,15 +23,16 @@ type Partial = [f64; BLOCK];
 
 /// Sums over a plane, and the storage they are taken with.
 #[derive(Clone, Debug)]
-pub(super) struct Sums {
+pub(super) struct Sums<T> {
     columns: usize,
-    /// K x of one piece, with columns as far apart as in vectors; and in single precision x, or K z of one column.
-    y: Vec<f64>,
-    pub(super) rounded: Vec<f32>,
+    /// K x of one piece, with columns as far apart as in vectors; and x in single precision.
+    y: Vec<T>,
+    rounded: Vec<f32>,
     /// xᵀr, and xᵀKx over fixed rows, for all pairs s <= t of columns.
     of_free: Vec<Partial>,
     of_held: Vec<Partial>,
-    /// rᵀp, Σ r², and Σ (Kx)² over rows at 1 V.
+    /// rᵀp before and after the step, Σ r², and Σ (Kx)² over rows at 1 V.
+    before: Vec<Partial>,
     along: Vec<Partial>,
     residual: Vec<Partial>,
     charge: Vec<Partial>,
@@ -38,8 +40,9 @@ pub(super) struct Sums {
 
 /// What planes are evaluated with.
 #[derive(Clone, Copy)]
-pub(super) struct Equations<'a> {
-    pub(super) stencil: &'a Stencil<f64>,
+pub(super) struct Equations<'a, K> {
+    pub(super) network: K,
+    pub(super) of_nodes: Layout,
     /// That of the vectors.
     pub(super) layout: Layout,
     /// Zero where the potential is fixed.
@@ -48,8 +51,8 @@ pub(super) struct Equations<'a> {
 }
 
 /// Some planes of the vectors.
-pub(super) struct Fields<'a> {
-    pub(super) x: [&'a [f64]; 2],
+pub(super) struct Fields<'a, T> {
+    pub(super) x: [&'a [T]; 2],
     pub(super) p: [&'a [f32]; 2],
 }
 
@@ -84,17 +87,18 @@ impl Nodes {
     }
 }
 
-impl Sums {
+impl<T: Copy + Default + Into<f64>> Sums<T> {
     pub(super) fn new(layout: &Layout) -> Self {
         let columns = layout.columns;
         let partial = |count| vec![[0.0; BLOCK]; count];
         let pairs = columns * (columns + 1) / 2;
         Self {
             columns,
-            y: vec![0.0; layout.in_column(columns - 1, PIECE)],
+            y: vec![T::default(); layout.in_column(columns - 1, PIECE)],
             rounded: vec![0.0; columns * PIECE],
             of_free: partial(pairs),
             of_held: partial(pairs),
+            before: partial(columns),
             along: partial(columns),
             residual: partial(columns),
             charge: partial(columns),
@@ -104,19 +108,19 @@ impl Sums {
     /// Starts with a plane.
     #[inline(always)]
     pub(super) fn start(&mut self) {
-        let Self { of_free, of_held, along, residual, charge, .. } = self;
-        for partial in [of_free, of_held, along, residual, charge] {
+        let Self { of_free, of_held, before, along, residual, charge, .. } = self;
+        for partial in [of_free, of_held, before, along, residual, charge] {
             partial.fill([0.0; BLOCK]);
         }
     }
 
     /// r = -K x on the free nodes of a piece, and its part of the sums.
     #[inline(always)]
-    pub(super) fn evaluate<S: Simd>(
+    pub(super) fn evaluate<S: Simd, K: Network<Value = T>>(
         &mut self,
         simd: S,
-        of: &Equations<'_>,
-        fields: &Fields<'_>,
+        of: &Equations<'_, K>,
+        fields: &Fields<'_, T>,
         r: &mut [f32],
         nodes: &Nodes,
         state: &mut State,
@@ -130,20 +134,26 @@ impl Sums {
 
     /// y = K x, all columns.
     #[inline(always)]
-    fn apply<S: Simd>(&mut self, simd: S, of: &Equations<'_>, fields: &Fields<'_>, nodes: &Nodes) {
-        let stencil = of.stencil.piece(nodes.colour, nodes.places.start..nodes.places.end);
+    fn apply<S: Simd, K: Network<Value = T>>(
+        &mut self,
+        simd: S,
+        of: &Equations<'_, K>,
+        fields: &Fields<'_, T>,
+        nodes: &Nodes,
+    ) {
         let (colour, from) = (nodes.colour, nodes.first);
         let span = of.layout.in_column(self.columns - 1, nodes.places.len());
         let around = of.layout.neighbours(colour, from, span, fields.x[1 - colour]);
         let columns = Columns { count: self.columns, stride: of.layout.in_column(1, 0) };
-        stencil.apply(simd, &mut self.y[..span], &fields.x[colour][from..from + span], around, columns);
+        let (y, x) = (&mut self.y[..span], &fields.x[colour][from..from + span]);
+        of.network.apply(simd, y, x, around, colour, nodes.places.start..nodes.places.end, columns);
     }
 
     /// The charges at both ends of a link; what the node has of it is on the diagonal.
-    fn apply_link(
+    fn apply_link<K: Network<Value = T>>(
         &mut self,
-        of: &Equations<'_>,
-        fields: &Fields<'_>,
+        of: &Equations<'_, K>,
+        fields: &Fields<'_, T>,
         link: &ObjectLink,
         nodes: &Nodes,
         state: &mut State,
@@ -152,8 +162,9 @@ impl Sums {
         let potentials = &of.links.potentials[link.object * columns..][..columns];
         let node = link.at - nodes.places.start;
         for (t, &at_object) in potentials.iter().enumerate() {
-            self.y[of.layout.in_column(t, node)] -= link.weight * at_object;
-            let at_node = fields.x[link.colour][nodes.within(&of.layout, t).start + node];
+            let charge = &mut self.y[of.layout.in_column(t, node)];
+            *charge = K::linked(*charge, link.weight, at_object);
+            let at_node = fields.x[link.colour][nodes.within(&of.layout, t).start + node].into();
             let on_object = link.weight * (at_object - at_node);
             for (s, &potential) in potentials.iter().enumerate() {
                 state.energies[s * columns + t] += potential * on_object;
@@ -162,11 +173,11 @@ impl Sums {
     }
 
     #[inline(always)]
-    fn add_piece<S: Simd>(
+    fn add_piece<S: Simd, K: Network<Value = T>>(
         &mut self,
         simd: S,
-        of: &Equations<'_>,
-        fields: &Fields<'_>,
+        of: &Equations<'_, K>,
+        fields: &Fields<'_, T>,
         r: &mut [f32],
         nodes: &Nodes,
     ) {
@@ -178,8 +189,9 @@ impl Sums {
             let at = nodes.within(&of.layout, t);
             let (r, p) = (&mut r[at.start..at.end], &p[at.start..at.end]);
             let rounded = &mut self.rounded[t * PIECE..t * PIECE + n];
-            round(rounded, &x[at]);
-            round(r, &self.y[of.layout.in_column(t, 0)..of.layout.in_column(t, n)]);
+            add(&mut self.before[t], products(simd, p, r));
+            K::round(rounded, &x[at]);
+            K::round(r, &self.y[of.layout.in_column(t, 0)..of.layout.in_column(t, n)]);
             is_held |= release(simd, r, rounded, inverse);
             for s in 0..=t {
                 add(&mut self.of_free[pair], products(simd, &self.rounded[s * PIECE..s * PIECE + n], r));
@@ -195,17 +207,17 @@ impl Sums {
     }
 
     /// What terminals hold of a piece.
-    fn add_held(&mut self, of: &Equations<'_>, x: &[f64], inverse: &[f32], nodes: &Nodes) {
+    fn add_held<K>(&mut self, of: &Equations<'_, K>, x: &[T], inverse: &[f32], nodes: &Nodes) {
         for (i, _) in inverse.iter().enumerate().filter(|(_, inverse)| **inverse == 0.0) {
             let mut pair = 0;
             for t in 0..self.columns {
-                let charge = self.y[of.layout.in_column(t, i)];
+                let charge: f64 = self.y[of.layout.in_column(t, i)].into();
                 for s in 0..=t {
-                    let x = x[of.layout.in_column(s, nodes.first + i)];
+                    let x: f64 = x[of.layout.in_column(s, nodes.first + i)].into();
                     self.of_held[pair][i % BLOCK] += x * charge;
                     pair += 1;
                 }
-                let own = charge * x[of.layout.in_column(t, nodes.first + i)];
+                let own = charge * x[of.layout.in_column(t, nodes.first + i)].into();
                 self.charge[t][i % BLOCK] += own * own;
             }
         }
@@ -221,17 +233,12 @@ impl Sums {
                 state.energies[s * self.columns + t] += energy;
                 pair += 1;
             }
+            state.before[t] += total(&self.before[t]);
             state.along[t] += total(&self.along[t]);
             state.residual[t] += total(&self.residual[t]);
             state.charge[t] += total(&self.charge[t]);
         }
     }
-}
-
-/// to = from.
-#[inline(always)]
-fn round(to: &mut [f32], from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from as f32);
 }
 
 /// Turns charges into residuals: the other sign, and zero where the potential is fixed. Whether it is fixed anywhere at

@@ -173,13 +173,18 @@ fn refreshing_what_changed_gives_a_fresh_hierarchy() {
 
 #[test]
 fn the_residual_of_changed_rows_has_the_bits_of_one_computed_everywhere() {
-    let mut scene = Scene::new();
-    scene.solver.evaluate();
-    for corner in [0.1, 0.12, 0.4, 0.44] {
-        scene.step(corner);
-        let incremental = scene.solver.hierarchy.levels[0].b.clone();
+    for single in [false, true] {
+        let mut scene = Scene::new();
+        if single {
+            scene.solver.change_precision(&scene.matrix);
+        }
         scene.solver.evaluate();
-        assert_eq!(incremental, scene.solver.hierarchy.levels[0].b, "{corner}");
+        for corner in [0.1, 0.12, 0.4, 0.44] {
+            scene.step(corner);
+            let incremental = scene.solver.hierarchy.levels[0].b.clone();
+            scene.solver.evaluate();
+            assert_eq!(incremental, scene.solver.hierarchy.levels[0].b, "{corner}");
+        }
     }
 }
 
@@ -215,6 +220,57 @@ fn energies_are_those_of_the_assembled_matrix() {
         // The residual goes with the root of the error that is left.
         let expected = 1e-8 * f64::sqrt(tolerance) + 1e-15;
         assert!(error < expected, "{tolerance}: {error}");
+    }
+}
+
+/// Rounded potentials have energies of their own, which differ from those of the exact ones by squares of the rounding;
+/// what they are computed to be has the rounding of the weights.
+#[test]
+fn single_precision_changes_energies_by_little() {
+    let mut scene = Scene::new();
+    scene.step(0.2);
+    scene.solve(1e-12);
+    let exact = scene.solver.state().energies.clone();
+    scene.solver.change_precision(&scene.matrix);
+    scene.solver.evaluate();
+    assert!(scene.solver.is_single());
+    let own = error_of_energies(&scene);
+    assert!(own < 5e-8, "{own}");
+    for (single, double) in scene.solver.state().energies.iter().zip(&exact) {
+        assert!((single - double).abs() < 1e-7 * exact[0], "{single} {double}");
+    }
+    scene.solver.change_precision(&scene.matrix);
+    scene.solver.evaluate();
+    let of_rounded = error_of_energies(&scene);
+    assert!(of_rounded < 1e-12, "{of_rounded}");
+}
+
+/// A step on the way out of a cycle is the same as one after it.
+#[test]
+fn a_step_behind_the_cycle_has_the_bits_of_one_after_it() {
+    let (a, b) = ([0.9, 1.1, 1.0], [0.0; COLUMNS]);
+    let after = |together: bool| {
+        let mut scene = Scene::new();
+        scene.step(0.2);
+        scene.solver.change_precision(&scene.matrix);
+        scene.solver.evaluate();
+        let mut products = [0.0; COLUMNS];
+        let active = [true; COLUMNS];
+        if together {
+            scene.solver.precondition_and_step(&active, &a, &b, &mut products);
+        } else {
+            products.copy_from_slice(scene.solver.precondition(&active));
+            scene.solver.step(&a, &b);
+        }
+        let potentials: Vec<u64> = (0..scene.nodes.len() * COLUMNS)
+            .map(|at| scene.solver.potential(at % COLUMNS, at / COLUMNS).to_bits())
+            .collect();
+        (potentials, scene.solver.state().energies.clone(), products)
+    };
+    let (together, apart) = (after(true), after(false));
+    assert!(together.0 == apart.0 && together.1 == apart.1);
+    for (a, b) in together.2.into_iter().zip(apart.2) {
+        assert!((a / b - 1.0).abs() < 1e-6 && a > 0.0, "{a} {b}");
     }
 }
 

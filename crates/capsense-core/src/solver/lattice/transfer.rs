@@ -5,11 +5,11 @@
 
 use super::between::{HalfRows, ThickPlane};
 use super::layout::Layout;
-use super::level::Level;
+use super::level::{Level, Slab};
 use super::network::{Changed, Network};
 use super::pairs::{Pairs, Piece, pieces};
 use super::parts::{Parts, cut_both};
-use super::prolongation::Prolongation;
+use super::prolongation::{Behind, Nothing, Prolongation};
 use super::restriction::Restriction;
 use super::stage::Stage;
 use crate::solver::workers::Workers;
@@ -132,13 +132,30 @@ impl Transfer {
         coarse: &Level,
         active: &[usize],
     ) {
+        for phase in [0, 1] {
+            let slabs = fine.slabs(phase, active).map(|slab| (slab, Nothing));
+            self.prolong_before(workers, arch, slabs, coarse);
+        }
+    }
+
+    /// The same for the slabs of one phase, each with what goes on behind.
+    pub(super) fn prolong_before<'a, B: Behind + Send>(
+        &mut self,
+        workers: &Workers,
+        arch: Arch,
+        slabs: impl Iterator<Item = (Slab<'a>, B)> + Send,
+        coarse: &Level,
+    ) {
         let Self { stages, between, .. } = self;
         let stages = &*stages;
-        for phase in [0, 1] {
-            let slabs = fine.slabs(phase, active).zip(&mut *between);
-            let tasks = slabs.map(|(fine, between)| Prolongation { stages, between, fine, coarse });
-            workers.for_each(tasks, |task| arch.dispatch(task));
-        }
+        let tasks = slabs.zip(between).map(|((fine, behind), between)| Prolongation {
+            stages,
+            between,
+            fine,
+            coarse,
+            behind,
+        });
+        workers.for_each(tasks, |task| arch.dispatch(task));
     }
 }
 

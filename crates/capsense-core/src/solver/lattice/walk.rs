@@ -1,50 +1,82 @@
-//! Moving the fields and applying K in double precision, and products of vectors in single, plane by plane.
+//! Moving the fields and applying K, plane by plane.
 
 use super::LatticeSolver;
-use super::layout::Coloured;
-use super::level::Level;
-use super::parts::{Part, cut_both, cut_planes};
-use super::stencil::Stencil;
-use super::sums::{Equations, Fields, Nodes, PIECE, Sums, products, total};
+use super::hierarchy::Hierarchy;
+use super::layout::{Coloured, Layout};
+use super::level::{Level, Slab};
+use super::links::ObjectLinks;
+use super::parts::{Part, Parts, cut_both, cut_planes};
+use super::potentials::Potentials;
+use super::precision::{Leaking, Network};
+use super::prolongation::Behind;
+use super::sums::{Equations, Fields, Nodes, PIECE, Sums};
 use crate::solver::operator::State;
-use pulp::{Simd, WithSimd};
-
-/// What the correction z is multiplied with.
-#[derive(Clone, Copy)]
-pub(super) enum Factor {
-    /// r.
-    Residual,
-    /// Kz and, but for its factor, Kp.
-    Charges,
-}
+use crate::solver::workers::Workers;
+use pulp::{Arch, Simd, WithSimd};
 
 impl LatticeSolver {
     /// Moves the fields by the step, after z was added to β times it, and evaluates them.
     pub(super) fn walk(&mut self, beta: Option<&[f64]>) {
-        let Self { layout, x, p, scale, sums, .. } = self;
-        let Level { stencil: Stencil { centre: inverse, .. }, b, x: z, .. } = &mut self.hierarchy.levels[0];
-        let (z, scale) = (&*z, &**scale);
-        let layout = *layout;
-        let equations = Equations { stencil: &self.stencil, layout, inverse, links: &self.links };
-        for parts in self.parts.phases() {
-            let vectors = cut_both(parts, x).zip(cut_both(parts, p)).zip(cut_both(parts, b));
-            let states = cut_planes(parts, &mut self.state_of_planes);
-            let tasks = parts.iter().zip(vectors).zip(states).zip(&mut *sums).map(
-                |(((part, ((x, p), r)), states), sums)| Walk {
-                    part,
-                    equations,
-                    step: Step { z, beta, scale },
-                    x,
-                    p,
-                    r,
-                    states,
-                    sums,
-                },
-            );
-            self.workers.for_each(tasks, |task| self.arch.dispatch(task));
+        let Level { stencil, b, x: z, .. } = &mut self.hierarchy.levels[0];
+        let inverse = &stencil.centre;
+        let surroundings = Surroundings {
+            layout: self.layout,
+            of_nodes: self.of_nodes,
+            links: &self.links,
+            scale: &self.scale,
+            parts: &self.parts,
+            workers: &self.workers,
+            arch: self.arch,
+        };
+        let vectors = Vectors { z, beta, p: &mut self.p, r: b, states: &mut self.state_of_planes };
+        match &mut self.potentials {
+            Potentials::Single { x, leak, sums } => {
+                surroundings.walk(Leaking { stencil, leak }, inverse, vectors, x, sums);
+            }
+            Potentials::Double { x, stencil, sums } => {
+                surroundings.walk(&*stencil, inverse, vectors, x, sums);
+            }
         }
+        self.add_states();
+    }
+
+    /// One cycle, and a step by the correction of the length `scale` on its way out. Nothing where the two must be apart:
+    /// returns whether it was done.
+    pub(super) fn cycle_and_walk(&mut self) -> bool {
+        let Potentials::Single { x, leak, sums } = &mut self.potentials else { return false };
+        let (leak, active) = (&*leak, &*self.active);
+        if self.hierarchy.transfers.is_empty() {
+            return false;
+        }
+        self.hierarchy.correct_coarse(&self.workers, self.arch, active);
+        let Hierarchy { levels, transfers, .. } = &mut self.hierarchy;
+        let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) else {
+            return false;
+        };
+        for (phase, parts) in self.parts.phases().into_iter().enumerate() {
+            let states = cut_planes(parts, &mut self.state_of_planes);
+            let of_movement = cut_both(parts, x).zip(states).zip(&mut *sums);
+            let slabs = finest.slabs(phase, active).zip(of_movement).map(|(slab, ((x, states), sums))| {
+                let equations = Equations {
+                    network: Leaking { stencil: slab.stencil, leak },
+                    of_nodes: self.of_nodes,
+                    layout: self.layout,
+                    inverse: &slab.stencil.centre,
+                    links: &self.links,
+                };
+                let part = slab.part;
+                (slab, Movement { part, equations, scale: &self.scale, x, states, sums })
+            });
+            transfer.prolong_before(&self.workers, self.arch, slabs, coarse);
+        }
+        self.add_states();
+        true
+    }
+
+    /// The state from those of planes.
+    fn add_states(&mut self) {
         self.state.clear();
-        self.state_of_planes[layout.planes()].iter().for_each(|plane| self.state.add(plane));
+        self.state_of_planes[self.layout.planes()].iter().for_each(|plane| self.state.add(plane));
         let columns = self.columns;
         self.links.add_margin(columns, &mut self.state.energies);
         for t in 0..columns {
@@ -53,173 +85,191 @@ impl LatticeSolver {
             }
         }
     }
+}
 
-    /// Products of z with something, for the active columns.
-    pub(super) fn multiply_correction(&mut self, with: Factor) {
-        let finest = &self.hierarchy.levels[0];
-        let (planes, active, p) = (self.layout.planes(), &*self.active, &self.p);
-        let slabs = &self.parts.slabs;
-        let products = cut_planes(slabs, &mut self.products_of_planes);
-        let tasks = slabs.iter().zip(products).zip(&mut self.sums).map(|((part, products), sums)| Products {
-            part,
-            with,
-            finest,
-            p,
-            active,
-            products,
-            charges: &mut sums.rounded,
-        });
-        self.workers.for_each(tasks, |task| self.arch.dispatch(task));
-        for products in &mut self.products {
-            products.fill(0.0);
-        }
-        for plane in &self.products_of_planes[planes] {
-            for (sums, products) in self.products.iter_mut().zip(plane) {
-                active.iter().for_each(|&column| sums[column] += products[column]);
-            }
+/// What walks need but do not change.
+#[derive(Clone, Copy)]
+struct Surroundings<'a> {
+    layout: Layout,
+    of_nodes: Layout,
+    links: &'a ObjectLinks,
+    scale: &'a [f64],
+    parts: &'a Parts,
+    workers: &'a Workers,
+    arch: Arch,
+}
+
+/// The vectors of a walk but for the potentials.
+struct Vectors<'a> {
+    z: &'a Coloured<f32>,
+    beta: Option<&'a [f64]>,
+    p: &'a mut Coloured<f32>,
+    r: &'a mut Coloured<f32>,
+    states: &'a mut [State],
+}
+
+impl Surroundings<'_> {
+    fn walk<K: Network>(
+        self,
+        network: K,
+        inverse: &Coloured<f32>,
+        vectors: Vectors<'_>,
+        x: &mut Coloured<K::Value>,
+        sums: &mut [Sums<K::Value>],
+    ) {
+        let Self { layout, of_nodes, links, scale, .. } = self;
+        let equations = Equations { network, of_nodes, layout, inverse, links };
+        let Vectors { z, beta, p, r, states } = vectors;
+        for parts in self.parts.phases() {
+            let cut = cut_both(parts, x).zip(cut_both(parts, p)).zip(cut_both(parts, r));
+            let tasks = parts.iter().zip(cut).zip(cut_planes(parts, states)).zip(&mut *sums).map(
+                |(((part, ((x, p), r)), states), sums)| {
+                    let movement = Movement { part, equations, scale, x, states, sums };
+                    Walk { movement, z, beta, p, r }
+                },
+            );
+            self.workers.for_each(tasks, |task| self.arch.dispatch(task));
         }
     }
 }
 
-/// How one thread moves and evaluates fields.
-struct Walk<'a> {
-    part: &'a Part,
-    equations: Equations<'a>,
-    step: Step<'a>,
-    x: [&'a mut [f64]; 2],
-    p: [&'a mut [f32]; 2],
-    r: [&'a mut [f32]; 2],
-    states: &'a mut [State],
-    sums: &'a mut Sums,
+/// How one thread moves fields by a step and evaluates them.
+pub(super) struct Movement<'a, K: Network> {
+    pub(super) part: &'a Part,
+    pub(super) equations: Equations<'a, K>,
+    /// The length of the step in each column.
+    pub(super) scale: &'a [f64],
+    pub(super) x: [&'a mut [K::Value]; 2],
+    pub(super) states: &'a mut [State],
+    pub(super) sums: &'a mut Sums<K::Value>,
 }
 
-/// How fields move: p = z + β p, if there is a β, and x += scale p.
-#[derive(Clone, Copy)]
-struct Step<'a> {
-    z: &'a Coloured<f32>,
-    beta: Option<&'a [f64]>,
-    scale: &'a [f64],
+impl<K: Network> Movement<'_, K> {
+    /// x += scale p.
+    #[inline(always)]
+    fn advance(&mut self, p: &[f32], nodes: &Nodes) {
+        let layout = self.equations.layout;
+        for (column, &scale) in self.scale.iter().enumerate() {
+            if scale != 0.0 {
+                let at = nodes.within(&layout, column);
+                K::advance(&mut self.x[nodes.colour][at.start..at.end], scale, &p[at.start..at.end]);
+            }
+        }
+    }
+
+    /// r = -K x in a piece of a plane, and sums with it.
+    #[inline(always)]
+    fn evaluate<S: Simd>(&mut self, simd: S, p: [&[f32]; 2], r: &mut [f32], nodes: &Nodes, k: usize) {
+        let [red, black] = &self.x;
+        let fields = Fields { x: [red, black], p };
+        let state = &mut self.states[k - self.part.planes.start];
+        self.sums.evaluate(simd, &self.equations, &fields, r, nodes, state);
+    }
+
+    /// One of the pieces of plane k.
+    #[inline(always)]
+    fn piece(&self, k: usize, piece: [usize; 2]) -> Option<Nodes> {
+        let layouts = [&self.equations.of_nodes, &self.equations.layout];
+        Nodes::piece(layouts, k, self.part.places.start, piece)
+    }
+
+    fn pieces(&self) -> usize {
+        2 * self.equations.of_nodes.plane.div_ceil(PIECE)
+    }
+
+    #[inline(always)]
+    fn start(&mut self, k: usize) {
+        self.sums.start();
+        self.states[k - self.part.planes.start].clear();
+    }
+
+    #[inline(always)]
+    fn finish(&mut self, k: usize) {
+        self.sums.hand_over(&mut self.states[k - self.part.planes.start]);
+    }
 }
 
-impl WithSimd for Walk<'_> {
+/// A step by p, after z was added to β times it if there is a β.
+pub(super) struct Walk<'a, K: Network> {
+    pub(super) movement: Movement<'a, K>,
+    pub(super) z: &'a Coloured<f32>,
+    pub(super) beta: Option<&'a [f64]>,
+    pub(super) p: [&'a mut [f32]; 2],
+    pub(super) r: [&'a mut [f32]; 2],
+}
+
+impl<K: Network> WithSimd for Walk<'_, K> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         // A plane is evaluated two steps after it was moved, so that both can go on piece by piece: while one waits for
         // memory, the other computes.
-        for step in self.part.steps(3) {
-            let [moved, evaluated] = [self.part.plane(0, step), self.part.plane(2, step)];
-            self.sums.start();
+        let part = self.movement.part;
+        for step in part.steps(3) {
+            let [moved, evaluated] = [part.plane(0, step), part.plane(2, step)];
             if let Some(k) = evaluated {
-                self.states[k - self.part.planes.start].clear();
+                self.movement.start(k);
             }
-            let pieces = self.equations.stencil.layout.plane.div_ceil(PIECE);
-            for piece in 0..2 * pieces {
+            for piece in 0..self.movement.pieces() {
                 let piece = [piece % 2, piece / 2];
-                if let Some(k) = moved {
-                    self.move_piece(k, piece);
+                if let Some(nodes) = moved.and_then(|k| self.movement.piece(k, piece)) {
+                    self.move_piece(&nodes);
                 }
-                if let Some(k) = evaluated {
-                    self.evaluate(simd, k, piece);
+                let Some(k) = evaluated else { continue };
+                if let Some(nodes) = self.movement.piece(k, piece) {
+                    let Self { movement, p: [red, black], r, .. } = &mut self;
+                    movement.evaluate(simd, [red, black], r[nodes.colour], &nodes, k);
                 }
             }
             if let Some(k) = evaluated {
-                self.sums.hand_over(&mut self.states[k - self.part.planes.start]);
+                self.movement.finish(k);
             }
         }
     }
 }
 
-impl Walk<'_> {
-    /// p = z + β p, x += p.
+impl<K: Network> Walk<'_, K> {
+    /// p = z + β p, x += scale p.
     #[inline(always)]
-    fn move_piece(&mut self, k: usize, piece: [usize; 2]) {
-        let layout = self.equations.layout;
-        let base = self.part.places.start;
-        let Some(nodes) = Nodes::piece([&self.equations.stencil.layout, &layout], k, base, piece) else {
-            return;
-        };
-        let (x, p) = (&mut *self.x[nodes.colour], &mut *self.p[nodes.colour]);
-        let Step { z, beta, scale } = self.step;
-        for column in 0..layout.columns {
-            let at = nodes.within(&layout, column);
-            let (x, p) = (&mut x[at.start..at.end], &mut p[at.start..at.end]);
-            if let Some(beta) = beta {
-                let (beta, z) = (beta[column] as f32, &z[nodes.colour][base + at.start..base + at.end]);
-                p.iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p);
-            }
-            let scale = scale[column];
-            if scale != 0.0 {
-                x.iter_mut().zip(p).for_each(|(x, p)| *x += scale * f64::from(*p));
+    fn move_piece(&mut self, nodes: &Nodes) {
+        let Self { movement, z, beta, p, .. } = self;
+        let p = &mut *p[nodes.colour];
+        if let Some(beta) = beta {
+            let base = movement.part.places.start;
+            for (column, &beta) in beta.iter().enumerate() {
+                let at = nodes.within(&movement.equations.layout, column);
+                let z = &z[nodes.colour][base + at.start..base + at.end];
+                let beta = beta as f32;
+                p[at.start..at.end].iter_mut().zip(z).for_each(|(p, z)| *p = z + beta * *p);
             }
         }
-    }
-
-    /// Evaluates a piece of a plane.
-    #[inline(always)]
-    fn evaluate<S: Simd>(&mut self, simd: S, k: usize, piece: [usize; 2]) {
-        let Self { part, equations, x: [red, black], p: [p_red, p_black], r, states, sums, .. } = self;
-        let layouts = [&equations.stencil.layout, &equations.layout];
-        let Some(nodes) = Nodes::piece(layouts, k, part.places.start, piece) else { return };
-        let fields = Fields { x: [red, black], p: [p_red, p_black] };
-        let state = &mut states[k - part.planes.start];
-        sums.evaluate(simd, equations, &fields, r[nodes.colour], &nodes, state);
+        movement.advance(p, nodes);
     }
 }
 
-/// How one thread multiplies its planes of z, which is in the finest level. In single precision: lengths of steps need
-/// not be exact.
-struct Products<'a> {
-    part: &'a Part,
-    with: Factor,
-    finest: &'a Level,
-    p: &'a Coloured<f32>,
-    active: &'a [usize],
-    products: &'a mut [[Vec<f64>; 2]],
-    /// K z of a piece.
-    charges: &'a mut [f32],
-}
-
-impl WithSimd for Products<'_> {
-    type Output = ();
+/// A step by a correction goes behind the sweep that finishes it.
+impl<K: Network> Behind for Movement<'_, K> {
+    const STAGES: usize = 1;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, simd: S) {
-        for step in self.part.steps(1) {
-            let Some(k) = self.part.plane(0, step) else { continue };
-            let products = &mut self.products[k - self.part.planes.start];
-            products.iter_mut().for_each(|products| products.fill(0.0));
-            let pieces = self.finest.stencil.layout.plane.div_ceil(PIECE);
-            for piece in 0..2 * pieces {
-                self.multiply(simd, k, [piece % 2, piece / 2]);
-            }
-        }
-    }
-}
-
-impl Products<'_> {
-    /// rᵀz, or zᵀKz and zᵀKp, of one piece.
-    #[inline(always)]
-    fn multiply<S: Simd>(&mut self, simd: S, k: usize, piece: [usize; 2]) {
-        let Level { stencil, layout, b: r, x: z, .. } = self.finest;
-        let Some(nodes) = Nodes::piece([&stencil.layout, layout], k, 0, piece) else { return };
-        let (colour, n) = (nodes.colour, nodes.places.len());
-        let stencil = stencil.piece(colour, nodes.places.start..nodes.places.end);
-        let [first, second] = &mut self.products[k - self.part.planes.start];
-        for &column in self.active {
-            let at = nodes.within(layout, column);
-            let own = &z[colour][at.start..at.end];
-            match self.with {
-                Factor::Residual => first[column] += total(&products(simd, &r[colour][at], own)),
-                Factor::Charges => {
-                    let charges = &mut self.charges[..n];
-                    let around = layout.neighbours(colour, at.start, n, &z[1 - colour]);
-                    stencil.charges(simd, charges, own, around);
-                    first[column] += total(&products(simd, charges, own));
-                    second[column] += total(&products(simd, charges, &self.p[colour][at]));
+    fn follow<S: Simd>(&mut self, simd: S, slab: &mut Slab<'_>, stage: usize, step: usize) {
+        if let Some(k) = self.part.plane(stage, step) {
+            for piece in 0..self.pieces() {
+                if let Some(nodes) = self.piece(k, [piece % 2, piece / 2]) {
+                    self.advance(slab.x[nodes.colour], &nodes);
                 }
             }
+        }
+        if let Some(k) = self.part.plane(stage + 1, step) {
+            self.start(k);
+            for piece in 0..self.pieces() {
+                if let Some(nodes) = self.piece(k, [piece % 2, piece / 2]) {
+                    let Slab { x: [red, black], b, .. } = &mut *slab;
+                    self.evaluate(simd, [red, black], b[nodes.colour], &nodes, k);
+                }
+            }
+            self.finish(k);
         }
     }
 }
