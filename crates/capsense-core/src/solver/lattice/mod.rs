@@ -2,6 +2,8 @@
 //! multigrid in single precision.
 
 mod between;
+mod coarse_row;
+mod coarsening;
 mod hierarchy;
 mod layout;
 mod level;
@@ -12,6 +14,7 @@ mod parts;
 mod prolongation;
 mod restriction;
 mod rows;
+mod shares;
 mod stage;
 mod stencil;
 mod sums;
@@ -186,7 +189,7 @@ impl LatticeSolver {
             }
             self.stencil.centre[colour][at] = matrix.diagonal(node);
         }
-        self.hierarchy.refresh(matrix, fixed, changed);
+        self.hierarchy.refresh(self.arch, matrix, fixed, changed);
         self.links.collect(&layout, matrix, self.columns);
         for &node in changed {
             self.refresh_residual(node as usize, fixed[node as usize]);
