@@ -135,8 +135,7 @@ impl Stage {
     ) {
         let (own, planes, n) = (fine.index([0, j, k]), &self.fine_plane, nodes.len());
         let CoarseRow { exists, next: [before, ..], behind, .. } = &mut self.row;
-        pick(before, &fine.next[0][own..], planes, &nodes);
-        pick(&mut behind.next[0], &fine.next[0][own + 1..], planes, &nodes);
+        pick_pairs(before, &mut behind.next[0], &fine.next[0][own..], planes, &nodes);
         pick(&mut behind.leak, &fine.leak[own + 1..], planes, &nodes);
         let here = BLOCK + nodes.start..BLOCK + nodes.end;
         let weights = [&before[here.clone()], &behind.next[0][here.clone()], &behind.leak[here.clone()]];
@@ -199,12 +198,17 @@ impl Stage {
     fn collect_picked<S: Simd>(&mut self, simd: S, fine: &Network, nodes: &Range<usize>, j: usize, k: usize) {
         let (own, n, planes) = (fine.index([0, j, k]), nodes.len(), &self.fine_plane);
         let CoarseRow { exists, next, leak, behind } = &mut self.row;
-        for (to, from) in next.iter_mut().zip(&fine.next) {
-            pick(to, &from[own..], planes, nodes);
+        // The node behind the one before the first counts too.
+        let wider = nodes.start.saturating_sub(1)..nodes.end;
+        for axis in 0..3 {
+            let (own_row, to) = (&fine.next[axis][own..], &mut next[axis]);
+            pick_pairs(to, &mut behind.next[axis], own_row, planes, &wider);
         }
         pick(leak, &fine.leak[own..], planes, nodes);
-        // The node before the first coarse one counts too.
-        behind.pick(fine, planes, &(nodes.start.saturating_sub(1)..nodes.end), own + 1);
+        let [_, row, plane] = fine.strides;
+        let [along_y, along_z] = &mut behind.previous;
+        pick(along_y, &fine.next[1][own + 1 - row..], planes, &wider);
+        pick(along_z, &fine.next[2][own + 1 - plane..], planes, &wider);
         let place = self.previous.place([nodes.start, j, k]);
         let here = BLOCK + nodes.start..BLOCK + nodes.end;
         let before = here.start - 1..here.end - 1;
@@ -249,18 +253,6 @@ impl Stage {
 }
 
 impl Behind {
-    /// Picks the weights behind some coarse nodes, given where the node behind the first of the row is.
-    #[inline(always)]
-    fn pick(&mut self, fine: &Network, planes: &[usize], nodes: &Range<usize>, first: usize) {
-        let [_, row, plane] = fine.strides;
-        for (to, from) in self.next.iter_mut().zip(&fine.next) {
-            pick(to, &from[first..], planes, nodes);
-        }
-        let [along_y, along_z] = &mut self.previous;
-        pick(along_y, &fine.next[1][first - row..], planes, nodes);
-        pick(along_z, &fine.next[2][first - plane..], planes, nodes);
-    }
-
     /// The weights across x at some places.
     #[inline(always)]
     fn across(&self, places: Range<usize>) -> [[&[f32]; 2]; 2] {
@@ -307,5 +299,16 @@ fn pick(to: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
     let planes = &planes[nodes.start..nodes.end.min(planes.len())];
     for (to, &plane) in to[BLOCK + nodes.start..].iter_mut().zip(planes) {
         *to = row[plane];
+    }
+}
+
+/// Picks the coarse nodes of a fine row and those behind them.
+#[inline(always)]
+fn pick_pairs(own: &mut [f32], behind: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
+    let planes = &planes[nodes.start..nodes.end.min(planes.len())];
+    let (own, behind) = (&mut own[BLOCK + nodes.start..], &mut behind[BLOCK + nodes.start..]);
+    for ((own, behind), &plane) in own.iter_mut().zip(behind).zip(planes) {
+        let pair = &row[plane..plane + 2];
+        (*own, *behind) = (pair[0], pair[1]);
     }
 }

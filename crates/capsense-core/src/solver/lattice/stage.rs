@@ -63,8 +63,9 @@ impl Stage {
         arch.dispatch(Refresh { stage: self, fine });
     }
 
-    /// What changes at a node reaches the coarse node at it, or, where nodes are eliminated, those beside it too and their
-    /// neighbours across the axis.
+    /// What changes at a node that is kept reaches the coarse node at it, and nothing else: where a weight to an eliminated
+    /// node changed, that node is among the changed ones too. What changes at an eliminated node reaches the two nodes
+    /// beside it and, because of what they and these couple to, their neighbours across the axis.
     fn find_reached(&mut self, fine: &Changed) {
         let mut changed = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
         changed.clear();
@@ -103,16 +104,13 @@ impl Stage {
         self.reached = changed;
     }
 
-    /// The coarse planes that some fine planes reach, and whether more than these planes themselves because a plane
-    /// among or beside them is eliminated.
+    /// The coarse planes that some fine planes reach, and whether one of these is eliminated.
+    #[inline]
     fn reach(&self, fine: Range<usize>) -> (Range<usize>, bool) {
         let (first, last) = (self.kept_before[fine.start], self.kept_before[fine.end]);
-        let wide = fine.start.saturating_sub(1)..(fine.end + 1).min(self.eliminated.len());
-        if self.kept_before[wide.end] - self.kept_before[wide.start] < wide.len() {
-            (first.saturating_sub(1)..(last + 1).min(self.fine_plane.len()), true)
-        } else {
-            (first..last, false)
-        }
+        let before = usize::from(self.is_eliminated(fine.start));
+        let after = usize::from(self.is_eliminated(fine.end - 1));
+        (first - before..last + after, last - first < fine.len())
     }
 
     /// The fine node that a coarse node is.
