@@ -5,7 +5,7 @@
 
 use super::coarsening::{Across, add_lost, divide_value, divide_weights, put_in_series, take_over};
 use super::layout::BLOCK;
-use super::network::{Network, whole_blocks};
+use super::network::{Changed, Network, whole_blocks};
 use super::rows::copy;
 use super::shares::Shares;
 use super::stage::Stage;
@@ -49,6 +49,7 @@ struct Eliminated<'a> {
 pub(super) struct Refresh<'a> {
     pub(super) stage: &'a mut Stage,
     pub(super) fine: &'a Network,
+    pub(super) changed: &'a Changed,
 }
 
 impl WithSimd for Refresh<'_> {
@@ -56,14 +57,17 @@ impl WithSimd for Refresh<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { stage, fine } = self;
-        for row in 0..stage.reached.rows() {
-            let (nodes, j, k) = stage.reached.row(row);
-            let nodes = whole_blocks(&nodes);
-            if stage.axis == 0 {
-                stage.share_among_picked(simd, fine, nodes, j, k);
+        let Self { stage, fine, changed } = self;
+        for row in 0..changed.rows() {
+            let (nodes, j, k) = changed.row(row);
+            stage.reach_beside(nodes.clone(), j, k);
+            let are_others = if stage.axis == 0 {
+                stage.share_among_picked(simd, fine, &nodes, j, k)
             } else {
-                stage.share_among_rows(simd, fine, nodes, j, k);
+                stage.share_among_rows(simd, fine, &nodes, j, k)
+            };
+            if are_others {
+                stage.reach_across(nodes, j, k);
             }
         }
         for row in 0..stage.reached.rows() {
@@ -98,41 +102,43 @@ impl CoarseRow {
 }
 
 impl Stage {
-    /// The shares of the row behind row (j, k), if it is eliminated.
+    /// The shares of some nodes of fine row (j, k), if it is eliminated. Returns whether any is another than before.
     #[inline(always)]
     fn share_among_rows<S: Simd>(
         &mut self,
         simd: S,
         fine: &Network,
-        nodes: Range<usize>,
+        nodes: &Range<usize>,
         j: usize,
         k: usize,
-    ) {
-        let mut at = self.fine_node([nodes.start, j, k]);
-        at[self.axis] += 1;
-        if !self.is_eliminated(at[self.axis]) {
-            return;
+    ) -> bool {
+        if !self.is_eliminated([0, j, k][self.axis]) {
+            return false;
         }
-        let (place, n, along) = (fine.index(at), nodes.len(), &fine.next[self.axis]);
+        let nodes = whole_blocks(nodes);
+        let (place, n, along) = (fine.index([nodes.start, j, k]), nodes.len(), &fine.next[self.axis]);
         let before = place - fine.strides[self.axis];
         let weights = [&along[before..before + n], &along[place..place + n], &fine.leak[place..place + n]];
-        let exists = &self.row.exists[..n];
         let shares = [&mut self.previous.values[place..place + n], &mut self.next.values[place..place + n]];
-        divide_value(simd, exists, weights, shares);
-        self.previous.arrange(&nodes, at[1], at[2]);
-        self.next.arrange(&nodes, at[1], at[2]);
+        let are_others = divide_value(simd, &self.row.exists[..n], weights, shares);
+        if are_others {
+            self.previous.arrange(&nodes, j, k);
+            self.next.arrange(&nodes, j, k);
+        }
+        are_others
     }
 
-    /// The shares of the nodes behind those of row (j, k), across x.
+    /// The same across x: those of some nodes of fine row (j, k) that are eliminated.
     #[inline(always)]
     fn share_among_picked<S: Simd>(
         &mut self,
         simd: S,
         fine: &Network,
-        nodes: Range<usize>,
+        nodes: &Range<usize>,
         j: usize,
         k: usize,
-    ) {
+    ) -> bool {
+        let nodes = whole_blocks(&self.reach(nodes.clone()));
         let (own, planes, n) = (fine.index([0, j, k]), &self.fine_plane, nodes.len());
         let CoarseRow { exists, next: [before, ..], behind, .. } = &mut self.row;
         pick_pairs(before, &mut behind.next[0], &fine.next[0][own..], planes, &nodes);
@@ -141,7 +147,7 @@ impl Stage {
         let weights = [&before[here.clone()], &behind.next[0][here.clone()], &behind.leak[here.clone()]];
         let place = self.previous.place([nodes.start, j, k]);
         let shares = [&mut self.previous.values[place..place + n], &mut self.next.values[place..place + n]];
-        divide_value(simd, &exists[here], weights, shares);
+        divide_value(simd, &exists[here], weights, shares)
     }
 
     /// Row (j, k) as the fine rows at it make it.

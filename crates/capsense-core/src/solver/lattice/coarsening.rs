@@ -38,14 +38,15 @@ pub(super) struct Taken {
     pub(super) next: [Range<usize>; 3],
 }
 
-/// The shares of eliminated nodes in the nodes before and after them, from their weights to these and their leak.
+/// The shares of eliminated nodes in the nodes before and after them, from their weights to these and their leak. Returns
+/// whether any is another than before.
 #[inline(always)]
 pub(super) fn divide_value<S: Simd>(
     simd: S,
     exists: &[f32],
     [before, after, leak]: [&[f32]; 3],
     [previous, next]: [&mut [f32]; 2],
-) {
+) -> bool {
     let (previous, next) = (S::as_mut_simd_f32s(previous).0, S::as_mut_simd_f32s(next).0);
     let n = previous.len();
     let (next, exists) = (&mut next[..n], &single::<S>(exists)[..n]);
@@ -53,12 +54,17 @@ pub(super) fn divide_value<S: Simd>(
     let leak = &single::<S>(leak)[..n];
     // Keeps 0 / 0 away. An infinite leak leaves nothing to the neighbours.
     let least = simd.splat_f32s(f32::MIN_POSITIVE);
+    let mut difference = simd.splat_f32s(0.0);
     for i in 0..n {
         let sum = simd.add_f32s(simd.add_f32s(before[i], after[i]), leak[i]);
         let scale = simd.div_f32s(exists[i], simd.max_f32s(sum, least));
-        previous[i] = simd.mul_f32s(before[i], scale);
-        next[i] = simd.mul_f32s(after[i], scale);
+        let (new_previous, new_next) = (simd.mul_f32s(before[i], scale), simd.mul_f32s(after[i], scale));
+        let of_previous = simd.abs_f32s(simd.sub_f32s(new_previous, previous[i]));
+        let of_next = simd.abs_f32s(simd.sub_f32s(new_next, next[i]));
+        difference = simd.max_f32s(difference, simd.max_f32s(of_previous, of_next));
+        (previous[i], next[i]) = (new_previous, new_next);
     }
+    simd.reduce_max_f32s(difference) > 0.0
 }
 
 /// Puts the edges of an eliminated node in series: the weight to it becomes that to the coarse node behind it.

@@ -58,59 +58,54 @@ impl Stage {
 
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
     pub(super) fn refresh(&mut self, arch: Arch, fine: &Network, changed: &Changed) {
-        self.find_reached(changed);
+        self.reached.clear();
         self.changed.clear();
-        arch.dispatch(Refresh { stage: self, fine });
+        arch.dispatch(Refresh { stage: self, fine, changed });
     }
 
     /// What changes at a node that is kept reaches the coarse node at it, and nothing else: where a weight to an eliminated
     /// node changed, that node is among the changed ones too. What changes at an eliminated node reaches the two nodes
-    /// beside it and, because of what they and these couple to, their neighbours across the axis.
-    fn find_reached(&mut self, fine: &Changed) {
-        let mut changed = std::mem::replace(&mut self.reached, Changed::nothing([0; 3]));
-        changed.clear();
-        for row in 0..fine.rows() {
-            let (nodes, j, k) = fine.row(row);
-            let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
-            let own = [nodes.clone(), j..j + 1, k..k + 1][self.axis].clone();
-            let (reached, is_spread) = self.reach(own);
-            match self.axis {
-                0 => {
-                    changed.add(reached.clone(), j, k);
-                    if is_spread {
-                        changed.add_beside_row(reached, j, k);
-                    }
+    /// beside it.
+    #[inline(always)]
+    pub(super) fn reach_beside(&mut self, nodes: Range<usize>, j: usize, k: usize) {
+        let rows = |plane| self.reach(plane..plane + 1);
+        match self.axis {
+            0 => self.reached.add(self.reach(nodes), j, k),
+            1 => rows(j).for_each(|j| self.reached.add(nodes.clone(), j, k)),
+            _ => rows(k).for_each(|k| self.reached.add(nodes.clone(), j, k)),
+        }
+    }
+
+    /// Where the shares of eliminated nodes changed, that reaches the neighbours across the axis too.
+    #[inline(always)]
+    pub(super) fn reach_across(&mut self, nodes: Range<usize>, j: usize, k: usize) {
+        let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
+        let rows = |plane| self.reach(plane..plane + 1);
+        match self.axis {
+            0 => self.reached.add_beside_row(self.reach(nodes), j, k),
+            1 => {
+                for j in rows(j) {
+                    self.reached.add(wider.clone(), j, k);
+                    self.reached.add(nodes.clone(), j, k + 1);
+                    self.reached.add(nodes.clone(), j, k.wrapping_sub(1));
                 }
-                1 => {
-                    for j in reached {
-                        changed.add(if is_spread { wider.clone() } else { nodes.clone() }, j, k);
-                        if is_spread {
-                            changed.add(nodes.clone(), j, k + 1);
-                            changed.add(nodes.clone(), j, k.wrapping_sub(1));
-                        }
-                    }
-                }
-                _ => {
-                    for k in reached {
-                        changed.add(if is_spread { wider.clone() } else { nodes.clone() }, j, k);
-                        if is_spread {
-                            changed.add(nodes.clone(), j + 1, k);
-                            changed.add(nodes.clone(), j.wrapping_sub(1), k);
-                        }
-                    }
+            }
+            _ => {
+                for k in rows(k) {
+                    self.reached.add(wider.clone(), j, k);
+                    self.reached.add(nodes.clone(), j + 1, k);
+                    self.reached.add(nodes.clone(), j.wrapping_sub(1), k);
                 }
             }
         }
-        self.reached = changed;
     }
 
-    /// The coarse planes that some fine planes reach, and whether one of these is eliminated.
-    #[inline]
-    fn reach(&self, fine: Range<usize>) -> (Range<usize>, bool) {
-        let (first, last) = (self.kept_before[fine.start], self.kept_before[fine.end]);
+    /// The coarse planes that some fine planes reach: at them, or beside them where they are eliminated.
+    #[inline(always)]
+    pub(super) fn reach(&self, fine: Range<usize>) -> Range<usize> {
         let before = usize::from(self.is_eliminated(fine.start));
         let after = usize::from(self.is_eliminated(fine.end - 1));
-        (first - before..last + after, last - first < fine.len())
+        self.kept_before[fine.start] - before..self.kept_before[fine.end] + after
     }
 
     /// The fine node that a coarse node is.
