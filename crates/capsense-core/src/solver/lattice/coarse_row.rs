@@ -206,9 +206,8 @@ impl Stage {
         let CoarseRow { exists, next, leak, behind } = &mut self.row;
         // The node behind the one before the first counts too.
         let wider = nodes.start.saturating_sub(1)..nodes.end;
-        for axis in 0..3 {
-            let (own_row, to) = (&fine.next[axis][own..], &mut next[axis]);
-            pick_pairs(to, &mut behind.next[axis], own_row, planes, &wider);
+        for ((to, behind), from) in next.iter_mut().zip(&mut behind.next).zip(&fine.next) {
+            pick_pairs(to, behind, &from[own..], planes, &wider);
         }
         pick(leak, &fine.leak[own..], planes, nodes);
         let [_, row, plane] = fine.strides;

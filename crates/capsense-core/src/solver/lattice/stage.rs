@@ -4,6 +4,9 @@
 //! are capacitors in series, the exact Schur complement of a line; what couples eliminated nodes to each other is divided
 //! among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and its edges
 //! become leaks, so that no conductor is lost on a coarse level, however thin.
+//!
+//! Here is which planes are eliminated and what a change reaches; how rows are computed is in `coarse_row`, and their
+//! arithmetic in `coarsening`.
 
 use super::coarse_row::{CoarseRow, Refresh};
 use super::layout::Layout;
@@ -76,7 +79,8 @@ impl Stage {
         }
     }
 
-    /// Where the shares of eliminated nodes changed, that reaches the neighbours across the axis too.
+    /// Where shares of eliminated nodes changed, that reaches their neighbours across the axis too, as what couples two
+    /// eliminated nodes is divided by the shares of both.
     #[inline(always)]
     pub(super) fn reach_across(&mut self, nodes: Range<usize>, j: usize, k: usize) {
         let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
@@ -125,5 +129,75 @@ impl Stage {
     #[inline(always)]
     pub(super) fn is_eliminated(&self, plane: usize) -> bool {
         self.eliminated.get(plane) == Some(&true)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COUNTS: [usize; 3] = [19, 9, 10];
+
+    /// Numbers without a pattern.
+    fn noise() -> impl FnMut(usize) -> usize {
+        let mut state = 11_u64;
+        move |below| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        }
+    }
+
+    /// Changes the leak of a node or, for an axis, its weight to the next one. Returns the nodes that have changed.
+    fn change(fine: &mut Network, node: [usize; 3], what: usize, value: usize) -> Vec<[usize; 3]> {
+        let at = fine.index(node);
+        if what == 3 {
+            fine.leak[at] = [0.0, 0.0, 0.5, f32::INFINITY][value % 4];
+            return vec![node];
+        }
+        let mut next = node;
+        next[what] += 1;
+        if next[what] == COUNTS[what] {
+            return vec![];
+        }
+        fine.next[what][at] = value as f32;
+        vec![node, next]
+    }
+
+    fn refresh(stage: &mut Stage, fine: &Network, nodes: &[[usize; 3]]) {
+        let mut changed = Changed::nothing(COUNTS);
+        nodes.iter().for_each(|&[i, j, k]| changed.add(i..i + 1, j, k));
+        stage.refresh(Arch::new(), fine, &changed);
+    }
+
+    fn is_near(a: f32, b: f32) -> bool {
+        a == b || (a - b).abs() < 0.0201 * a.max(b)
+    }
+
+    /// Shares follow every change, coarse numbers all but negligible ones.
+    #[test]
+    fn a_change_reaches_all_that_depends_on_it() {
+        let (layout, mut noise) = (Layout::new(COUNTS, [0, 0]), noise());
+        let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
+        for axis in 0..3 {
+            let kept: Vec<bool> = (0..COUNTS[axis]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+            let mut fine = Network::new(COUNTS);
+            for &node in &all {
+                (0..4).for_each(|what| drop(change(&mut fine, node, what, 1 + noise(9))));
+            }
+            let mut moving = Stage::new(COUNTS, axis, &kept, &layout);
+            refresh(&mut moving, &fine, &all);
+            for _ in 0..200 {
+                let changed = change(&mut fine, all[noise(all.len())], noise(4), noise(10));
+                refresh(&mut moving, &fine, &changed);
+                let mut fresh = Stage::new(COUNTS, axis, &kept, &layout);
+                refresh(&mut fresh, &fine, &all);
+                assert_eq!(moving.previous.values, fresh.previous.values, "{axis} {changed:?}");
+                assert_eq!(moving.next.values, fresh.next.values, "{axis} {changed:?}");
+                let numbers = |stage: &Stage| [&stage.coarse.next[..], &[stage.coarse.leak.clone()]].concat();
+                for (a, b) in numbers(&moving).iter().flatten().zip(numbers(&fresh).iter().flatten()) {
+                    assert!(is_near(*a, *b), "{axis} {changed:?}: {a} {b}");
+                }
+            }
+        }
     }
 }
