@@ -178,8 +178,8 @@ mod tests {
     fn a_change_reaches_all_that_depends_on_it() {
         let (layout, mut noise) = (Layout::new(COUNTS, [0, 0]), noise());
         let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
-        for axis in 0..3 {
-            let kept: Vec<bool> = (0..COUNTS[axis]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+        for (axis, planes) in COUNTS.into_iter().enumerate() {
+            let kept: Vec<bool> = (0..planes).map(|plane| ![1, 4, 6].contains(&plane)).collect();
             let mut fine = Network::new(COUNTS);
             for &node in &all {
                 (0..4).for_each(|what| drop(change(&mut fine, node, what, 1 + noise(9))));
@@ -193,8 +193,9 @@ mod tests {
                 refresh(&mut fresh, &fine, &all);
                 assert_eq!(moving.previous.values, fresh.previous.values, "{axis} {changed:?}");
                 assert_eq!(moving.next.values, fresh.next.values, "{axis} {changed:?}");
-                let numbers = |stage: &Stage| [&stage.coarse.next[..], &[stage.coarse.leak.clone()]].concat();
-                for (a, b) in numbers(&moving).iter().flatten().zip(numbers(&fresh).iter().flatten()) {
+                let numbers =
+                    |stage: &Stage| [stage.coarse.next.concat(), stage.coarse.leak.clone()].concat();
+                for (a, b) in numbers(&moving).iter().zip(&numbers(&fresh)) {
                     assert!(is_near(*a, *b), "{axis} {changed:?}: {a} {b}");
                 }
             }
