@@ -93,25 +93,25 @@ impl Hierarchy {
 
     /// Takes over the matrix and the fixed rows where they changed. `changed` must hold all nodes whose row or state
     /// changed.
-    pub(super) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+    pub(super) fn refresh(&mut self, arch: Arch, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
         let Self { levels, transfers, finest, changed: region } = self;
-        let [nx, ny, _] = finest.counts;
-        let padding = nx * ny;
         region.clear();
         for node in changed.iter().map(|&node| node as usize) {
-            let to = &mut finest.nodes[padding + node];
-            to.next = [0, 1, 2].map(|axis| matrix.lattice_weight(node, axis) as f32);
-            to.leak = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
-            let i = node % nx;
-            region.add(i..i + 1, node / nx % ny, node / padding);
+            let [i, j, k] = levels[0].layout.indices(node);
+            let at = finest.index([i, j, k]);
+            for (axis, next) in finest.next.iter_mut().enumerate() {
+                next[at] = matrix.lattice_weight(node, axis) as f32;
+            }
+            finest.leak[at] = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
+            region.add(i..i + 1, j, k);
         }
-        levels[0].refresh(finest, region);
+        levels[0].refresh(arch, finest, region);
         let (mut fine, mut changed) = (&*finest, &*region);
         for (transfer, level) in transfers.iter_mut().zip(&mut levels[1..]) {
-            transfer.refresh(fine, changed);
+            transfer.refresh(arch, fine, changed);
             if let Some((coarse, coarse_changed)) = transfer.coarse() {
                 (fine, changed) = (coarse, coarse_changed);
-                level.refresh(fine, changed);
+                level.refresh(arch, fine, changed);
             }
         }
     }

@@ -70,8 +70,11 @@ impl Layout {
 
     /// The indices along the axes of a node by its number.
     pub(super) fn indices(&self, node: usize) -> [usize; 3] {
-        let [nx, ny, _] = self.counts;
-        [node % nx, node / nx % ny, node / (nx * ny)]
+        // Dividing takes most of the time, so as little as possible and in few bits.
+        let [nx, ny, _] = self.counts.map(|count| count as u32);
+        let node = node as u32;
+        let (row, plane) = (node / nx, node / nx / ny);
+        [node - row * nx, row - plane * ny, plane].map(|index| index as usize)
     }
 
     /// Rows and planes that are not fixed throughout.

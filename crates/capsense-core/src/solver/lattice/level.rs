@@ -1,8 +1,9 @@
 //! One level of the hierarchy: red-black Gauss-Seidel, fused so that the lattice is walked through once.
 
-use super::layout::{BLACK, Coloured, Layout, RED};
-use super::network::{Changed, Network};
+use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
+use super::network::{Changed, Network, whole_blocks};
 use super::parts::{Part, Parts, cut, cut_both};
+use super::rows::copy_every_second;
 use super::stencil::Stencil;
 use crate::solver::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
@@ -26,6 +27,8 @@ pub(super) struct Level {
     pub(super) x: Coloured<f32>,
     /// The residual of red nodes after a sweep; that of black ones is zero.
     pub(super) r: Vec<f32>,
+    /// Room for a row of the network.
+    inverse: Vec<f32>,
 }
 
 /// What one thread works on.
@@ -51,22 +54,14 @@ impl Level {
             b: layout.zeros(),
             x: layout.zeros(),
             r: vec![0.0; layout.len()],
+            inverse: vec![0.0; layout.counts[0].next_multiple_of(BLOCK)],
         }
     }
 
     /// Takes over the network where it changed.
-    pub(super) fn refresh(&mut self, network: &Network, changed: &Changed) {
-        changed.for_each_row(|nodes, j, k| {
-            for i in nodes {
-                let (colour, at) = self.stencil.layout.place([i, j, k]);
-                let index = network.index([i, j, k]);
-                let node = &network.nodes[index];
-                for axis in 0..3 {
-                    self.stencil.next[axis][colour][at] = node.next[axis];
-                }
-                self.stencil.centre[colour][at] = network.inverse(index);
-            }
-        });
+    pub(super) fn refresh(&mut self, arch: Arch, network: &Network, changed: &Changed) {
+        let Self { stencil, inverse, .. } = self;
+        arch.dispatch(Refresh { stencil, inverse, network, changed });
     }
 
     /// The work of each thread in one phase.
@@ -75,7 +70,7 @@ impl Level {
         phase: usize,
         active: &'a [usize],
     ) -> impl Iterator<Item = Slab<'a>> {
-        let Self { stencil, layout, parts, b, x, r } = self;
+        let Self { stencil, layout, parts, b, x, r, .. } = self;
         let (stencil, layout, parts) = (&*stencil, *layout, parts.phases()[phase]);
         let vectors = cut_both(parts, b).zip(cut_both(parts, x)).zip(cut(parts, r));
         parts.iter().zip(vectors).map(move |(part, ((b, x), r))| Slab {
@@ -108,6 +103,45 @@ impl Level {
 /// may leave out of the function that has these instructions.
 struct SmoothFromZero<'a>(Slab<'a>);
 struct Solve<'a>(Slab<'a>, usize);
+struct Refresh<'a> {
+    stencil: &'a mut Stencil<f32>,
+    /// Room for a row.
+    inverse: &'a mut [f32],
+    network: &'a Network,
+    changed: &'a Changed,
+}
+
+impl WithSimd for Refresh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { stencil, inverse, network, changed } = self;
+        let ([x, y, z], layout) = (&mut stencil.next, stencil.layout);
+        for row in 0..changed.rows() {
+            let (nodes, j, k) = changed.row(row);
+            let blocks = whole_blocks(&nodes);
+            let at = network.index([blocks.start, j, k]);
+            let inverse = &mut inverse[..blocks.len()];
+            network.invert_diagonal(simd, at, inverse);
+            let nodes = blocks.start..nodes.end;
+            let here = at..at + nodes.len();
+            let places = [layout.place([nodes.start, j, k]), layout.place([nodes.start + 1, j, k])];
+            deal_to(x, places, &network.next[0][here.clone()]);
+            deal_to(y, places, &network.next[1][here.clone()]);
+            deal_to(z, places, &network.next[2][here]);
+            deal_to(&mut stencil.centre, places, &inverse[..nodes.len()]);
+        }
+    }
+}
+
+/// Deals a piece of a row to the colours and places of its first node and of its second.
+#[inline(always)]
+fn deal_to(to: &mut Coloured<f32>, [(first, at), (second, behind)]: [(usize, usize); 2], row: &[f32]) {
+    let n = row.len();
+    copy_every_second(&mut to[first][at..at + n.div_ceil(2)], row);
+    copy_every_second(&mut to[second][behind..behind + n / 2], &row[1..]);
+}
 
 impl WithSimd for SmoothFromZero<'_> {
     type Output = ();

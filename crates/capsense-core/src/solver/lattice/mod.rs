@@ -2,6 +2,8 @@
 //! precision.
 
 mod between;
+mod coarse_row;
+mod coarsening;
 mod hierarchy;
 mod layout;
 mod level;
@@ -16,6 +18,7 @@ mod products;
 mod prolongation;
 mod restriction;
 mod rows;
+mod shares;
 mod stage;
 mod stencil;
 mod sums;
@@ -187,7 +190,7 @@ impl LatticeSolver {
         for node in changed.iter().map(|&node| node as usize) {
             self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
         }
-        self.hierarchy.refresh(matrix, fixed, changed);
+        self.hierarchy.refresh(self.arch, matrix, fixed, changed);
         self.links.collect(&of_nodes, matrix, self.columns);
         for node in changed.iter().map(|&node| node as usize) {
             let indices = layout.indices(node);

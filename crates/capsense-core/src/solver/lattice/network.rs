@@ -1,55 +1,59 @@
 //! The networks that the hierarchy is computed on: nodes in their natural order, x fastest.
 
+use super::layout::BLOCK;
+use super::rows::single;
+use pulp::Simd;
 use std::ops::Range;
 
-/// A 7-point network in single precision. All arrays are padded by one plane at either end. Edges that would lead out of
-/// the lattice have the weight zero, so nodes need not know whether they are at its end.
+/// A 7-point network in single precision. Rows are padded to whole blocks, and all arrays by one plane at either end;
+/// padding is zero. Edges that would lead out of the lattice have the weight zero, so nodes need not know whether they
+/// are at its end.
 #[derive(Clone, Debug)]
 pub(super) struct Network {
     /// Number of nodes along each axis.
     pub(super) counts: [usize; 3],
-    pub(super) nodes: Vec<Node>,
-}
-
-/// What a node is coupled by.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Node {
+    /// Distance between neighbours along each axis.
+    pub(super) strides: [usize; 3],
     /// Weight to the next node along each axis.
-    pub(super) next: [f32; 3],
+    pub(super) next: [Vec<f32>; 3],
     /// Weight to fixed potentials that are no nodes of this network; infinite where the node itself is fixed.
-    pub(super) leak: f32,
+    pub(super) leak: Vec<f32>,
 }
 
 impl Network {
     pub(super) fn new(counts: [usize; 3]) -> Self {
-        Self { counts, nodes: vec![Node::default(); counts[0] * counts[1] * (counts[2] + 2)] }
-    }
-
-    /// Distance between neighbours along each axis.
-    pub(super) fn strides(&self) -> [usize; 3] {
-        [1, self.counts[0], self.counts[0] * self.counts[1]]
+        let [nx, ny, nz] = counts;
+        let row = nx.next_multiple_of(BLOCK);
+        let zeros = || vec![0.0; row * ny * (nz + 2)];
+        Self { counts, strides: [1, row, row * ny], next: [zeros(), zeros(), zeros()], leak: zeros() }
     }
 
     /// Place of a node.
+    #[inline(always)]
     pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        ((k + 1) * self.counts[1] + j) * self.counts[0] + i
+        i + j * self.strides[1] + (k + 1) * self.strides[2]
     }
 
-    /// Weight from a node to the next along an axis.
-    pub(super) fn weight(&self, axis: usize, at: usize) -> f32 {
-        self.nodes[at].next[axis]
-    }
-
-    /// Inverse of the diagonal; zero where the potential is fixed.
-    pub(super) fn inverse(&self, at: usize) -> f32 {
-        let strides = self.strides();
-        let weights = (0..3).map(|axis| self.weight(axis, at) + self.weight(axis, at - strides[axis]));
-        let diagonal = weights.sum::<f32>() + self.nodes[at].leak;
-        if diagonal == 0.0 { 0.0 } else { 1.0 / diagonal }
-    }
-
-    pub(super) fn is_fixed(&self, at: usize) -> bool {
-        self.nodes[at].leak == f32::INFINITY
+    /// Inverses of the diagonal for successive nodes, whole blocks; zero where the potential is fixed.
+    #[inline(always)]
+    pub(super) fn invert_diagonal<S: Simd>(&self, simd: S, at: usize, inverse: &mut [f32]) {
+        let (inverse, zero, one) =
+            (S::as_mut_simd_f32s(inverse).0, simd.splat_f32s(0.0), simd.splat_f32s(1.0));
+        let n = inverse.len();
+        let ([x, y, z], [_, row, plane]) = (&self.next, self.strides);
+        let (x_next, x_previous) = (&single::<S>(&x[at..])[..n], &single::<S>(&x[at - 1..])[..n]);
+        let (y_next, y_previous) = (&single::<S>(&y[at..])[..n], &single::<S>(&y[at - row..])[..n]);
+        let (z_next, z_previous) = (&single::<S>(&z[at..])[..n], &single::<S>(&z[at - plane..])[..n]);
+        let leak = &single::<S>(&self.leak[at..])[..n];
+        for i in 0..n {
+            let along_x = simd.add_f32s(x_next[i], x_previous[i]);
+            let along_y = simd.add_f32s(y_next[i], y_previous[i]);
+            let along_z = simd.add_f32s(z_next[i], z_previous[i]);
+            let weights = simd.add_f32s(simd.add_f32s(along_x, along_y), along_z);
+            let diagonal = simd.add_f32s(weights, leak[i]);
+            let is_coupled = simd.greater_than_f32s(diagonal, zero);
+            inverse[i] = simd.select_f32s(is_coupled, simd.div_f32s(one, diagonal), zero);
+        }
     }
 }
 
@@ -58,7 +62,7 @@ impl Network {
 pub(super) struct Changed {
     counts: [usize; 3],
     intervals: Vec<Range<u32>>,
-    rows: Vec<u32>,
+    rows: Vec<[u32; 2]>,
 }
 
 impl Changed {
@@ -67,8 +71,9 @@ impl Changed {
     }
 
     pub(super) fn clear(&mut self) {
-        for row in self.rows.drain(..) {
-            self.intervals[row as usize] = 0..0;
+        let ny = self.counts[1];
+        for [j, k] in self.rows.drain(..) {
+            self.intervals[k as usize * ny + j as usize] = 0..0;
         }
     }
 
@@ -82,7 +87,7 @@ impl Changed {
         let row = k * ny + j;
         let interval = &mut self.intervals[row];
         if interval.start >= interval.end {
-            self.rows.push(row as u32);
+            self.rows.push([j as u32, k as u32]);
             *interval = start..end;
         } else {
             *interval = interval.start.min(start)..interval.end.max(end);
@@ -97,12 +102,24 @@ impl Changed {
         }
     }
 
-    /// Visits the changed nodes of every row as an interval.
-    pub(super) fn for_each_row(&self, mut visit: impl FnMut(Range<usize>, usize, usize)) {
-        let ny = self.counts[1];
-        for row in self.rows.iter().map(|&row| row as usize) {
-            let Range { start, end } = self.intervals[row];
-            visit(start as usize..end as usize, row % ny, row / ny);
-        }
+    /// In how many rows nodes changed. They are not visited by a closure, which would be a call in vectorised code.
+    #[inline(always)]
+    pub(super) fn rows(&self) -> usize {
+        self.rows.len()
     }
+
+    /// The changed nodes of such a row, j and k.
+    #[inline(always)]
+    pub(super) fn row(&self, number: usize) -> (Range<usize>, usize, usize) {
+        let [j, k] = self.rows[number];
+        let (j, k) = (j as usize, k as usize);
+        let Range { start, end } = self.intervals[k * self.counts[1] + j];
+        (start as usize..end as usize, j, k)
+    }
+}
+
+/// Some nodes of a row and those around them up to whole blocks.
+#[inline(always)]
+pub(super) fn whole_blocks(nodes: &Range<usize>) -> Range<usize> {
+    nodes.start / BLOCK * BLOCK..nodes.end.next_multiple_of(BLOCK)
 }

@@ -5,6 +5,12 @@
 use super::layout::BLOCK;
 use pulp::Simd;
 
+/// A slice as vectors.
+#[inline(always)]
+pub(super) fn single<S: Simd>(slice: &[f32]) -> &[S::f32s] {
+    S::as_simd_f32s(slice).0
+}
+
 /// to = a.
 #[inline(always)]
 pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
@@ -87,5 +93,18 @@ pub(super) fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
     for ((row, a), b) in row.iter_mut().zip(first).zip(second) {
         *row =
             [a[0], b[0], a[1], b[1], a[2], b[2], a[3], b[3], a[4], b[4], a[5], b[5], a[6], b[6], a[7], b[7]];
+    }
+}
+
+/// Copies the first, third and so on of a row, whatever their number.
+#[inline(always)]
+pub(super) fn copy_every_second(to: &mut [f32], row: &[f32]) {
+    let (blocks, rest) = row.as_chunks::<{ 2 * BLOCK }>();
+    let (to_blocks, to_rest) = to.split_at_mut((blocks.len() * BLOCK).min(to.len()));
+    for (to, row) in to_blocks.as_chunks_mut::<BLOCK>().0.iter_mut().zip(blocks) {
+        *to = [row[0], row[2], row[4], row[6], row[8], row[10], row[12], row[14]];
+    }
+    for (to, row) in to_rest.iter_mut().zip(rest.chunks(2)) {
+        *to = row[0];
     }
 }

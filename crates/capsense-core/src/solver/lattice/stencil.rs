@@ -4,6 +4,7 @@
 //! every processor.
 
 use super::layout::{Coloured, Layout};
+use super::rows::single;
 use pulp::Simd;
 use std::ops::Range;
 
@@ -177,11 +178,6 @@ impl Piece<'_, f64> {
 
 // The two precisions are written out, as there is no name for both in the vector library; and so are the six neighbours,
 // because a closure or a mapped array may become a call, which is compiled without the processor's extensions.
-
-#[inline(always)]
-fn single<S: Simd>(slice: &[f32]) -> &[S::f32s] {
-    S::as_simd_f32s(slice).0
-}
 
 #[inline(always)]
 fn double<S: Simd>(slice: &[f64]) -> &[S::f64s] {

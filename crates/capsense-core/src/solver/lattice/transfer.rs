@@ -90,11 +90,11 @@ impl Transfer {
     }
 
     /// Recomputes the coarse network where the fine one changed.
-    pub(super) fn refresh(&mut self, fine: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, arch: Arch, fine: &Network, changed: &Changed) {
         let (mut fine, mut changed) = (fine, changed);
         let Stages { z, y, x, .. } = &mut self.stages;
         for stage in z.iter_mut().chain(y).chain(x) {
-            stage.refresh(fine, changed);
+            stage.refresh(arch, fine, changed);
             (fine, changed) = (&stage.coarse, &stage.changed);
         }
     }

@@ -1,0 +1,186 @@
+//! The arithmetic of a stage, on successive coarse nodes of one row: whole blocks, the same whatever is in them.
+
+use super::rows::single;
+use pulp::Simd;
+use std::ops::Range;
+
+/// A coarse network follows the fine one but for changes below this part of a weight, which a preconditioner does not
+/// feel: so what a motion does to a few rows does not spread over all of the coarse levels. What is kept is never further
+/// than that from what it should be, however many frames go by.
+const NEGLIGIBLE: f32 = 0.02;
+
+/// Shares that miss no more than this to one miss nothing.
+const ROUNDING: f32 = 1e-6;
+
+/// The numbers of a vector of nodes, counted from the first.
+const LANES: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+
+/// What is across the axis of a stage at eliminated nodes.
+#[derive(Clone, Copy)]
+pub(super) struct Across<'a> {
+    /// The shares that they and those before and after them have in the coarse nodes.
+    pub(super) own: &'a [f32],
+    pub(super) around: [&'a [f32]; 2],
+    /// The weights from those before and to those after.
+    pub(super) weights: [&'a [f32]; 2],
+}
+
+/// The first and the last of the nodes that changed.
+struct Extent<S: Simd> {
+    first: S::f32s,
+    last: S::f32s,
+}
+
+/// Where numbers of a row changed.
+pub(super) struct Taken {
+    pub(super) any: Range<usize>,
+    /// The weight to the next node along each axis.
+    pub(super) next: [Range<usize>; 3],
+}
+
+/// The shares of eliminated nodes in the nodes before and after them, from their weights to these and their leak. Returns
+/// whether any is another than before.
+#[inline(always)]
+pub(super) fn divide_value<S: Simd>(
+    simd: S,
+    exists: &[f32],
+    [before, after, leak]: [&[f32]; 3],
+    [previous, next]: [&mut [f32]; 2],
+) -> bool {
+    let (previous, next) = (S::as_mut_simd_f32s(previous).0, S::as_mut_simd_f32s(next).0);
+    let n = previous.len();
+    let (next, exists) = (&mut next[..n], &single::<S>(exists)[..n]);
+    let (before, after) = (&single::<S>(before)[..n], &single::<S>(after)[..n]);
+    let leak = &single::<S>(leak)[..n];
+    // Keeps 0 / 0 away. An infinite leak leaves nothing to the neighbours.
+    let least = simd.splat_f32s(f32::MIN_POSITIVE);
+    let mut difference = simd.splat_f32s(0.0);
+    for i in 0..n {
+        let sum = simd.add_f32s(simd.add_f32s(before[i], after[i]), leak[i]);
+        let scale = simd.div_f32s(exists[i], simd.max_f32s(sum, least));
+        let (new_previous, new_next) = (simd.mul_f32s(before[i], scale), simd.mul_f32s(after[i], scale));
+        let of_previous = simd.abs_f32s(simd.sub_f32s(new_previous, previous[i]));
+        let of_next = simd.abs_f32s(simd.sub_f32s(new_next, next[i]));
+        difference = simd.max_f32s(difference, simd.max_f32s(of_previous, of_next));
+        (previous[i], next[i]) = (new_previous, new_next);
+    }
+    simd.reduce_max_f32s(difference) > 0.0
+}
+
+/// Puts the edges of an eliminated node in series: the weight to it becomes that to the coarse node behind it.
+#[inline(always)]
+pub(super) fn put_in_series<S: Simd>(simd: S, exists: &[f32], next: &[f32], weight: &mut [f32]) {
+    let weight = S::as_mut_simd_f32s(weight).0;
+    let (exists, next) = (single::<S>(exists), single::<S>(next));
+    let one = simd.splat_f32s(1.0);
+    for ((weight, next), exists) in weight.iter_mut().zip(next).zip(exists) {
+        let part = simd.add_f32s(*next, simd.sub_f32s(one, *exists));
+        *weight = simd.mul_f32s(*weight, part);
+    }
+}
+
+/// Adds to the leak what weights to eliminated nodes lose, because their shares do not sum to one.
+#[inline(always)]
+pub(super) fn add_lost<S: Simd>(
+    simd: S,
+    exists: &[f32],
+    weight: &[f32],
+    [previous, next]: [&[f32]; 2],
+    leak: &mut [f32],
+) {
+    let leak = S::as_mut_simd_f32s(leak).0;
+    let n = leak.len();
+    let (exists, weight) = (&single::<S>(exists)[..n], &single::<S>(weight)[..n]);
+    let (previous, next) = (&single::<S>(previous)[..n], &single::<S>(next)[..n]);
+    let (zero, rounding) = (simd.splat_f32s(0.0), simd.splat_f32s(ROUNDING));
+    for i in 0..n {
+        let lost = simd.sub_f32s(exists[i], simd.add_f32s(previous[i], next[i]));
+        let lost = simd.select_f32s(simd.greater_than_f32s(lost, rounding), lost, zero);
+        leak[i] = simd.add_f32s(leak[i], simd.mul_f32s(weight[i], lost));
+    }
+}
+
+/// Takes the part of coarse nodes in the weights across the axis of their eliminated neighbours. What two eliminated
+/// neighbours do not both take from a coarse node couples to neither.
+#[inline(always)]
+pub(super) fn divide_weights<S: Simd>(simd: S, across: Across<'_>, weight: &mut [f32], leak: &mut [f32]) {
+    let (weight, leak) = (S::as_mut_simd_f32s(weight).0, S::as_mut_simd_f32s(leak).0);
+    let n = weight.len();
+    let (leak, own) = (&mut leak[..n], &single::<S>(across.own)[..n]);
+    let [share_before, share_after] = across.around;
+    let (share_before, share_after) = (&single::<S>(share_before)[..n], &single::<S>(share_after)[..n]);
+    let [before, after] = across.weights;
+    let (before, after) = (&single::<S>(before)[..n], &single::<S>(after)[..n]);
+    for i in 0..n {
+        let with_after = simd.min_f32s(own[i], share_after[i]);
+        let with_before = simd.min_f32s(own[i], share_before[i]);
+        weight[i] = simd.add_f32s(weight[i], simd.mul_f32s(after[i], with_after));
+        let not_after = simd.mul_f32s(after[i], simd.sub_f32s(own[i], with_after));
+        let not_before = simd.mul_f32s(before[i], simd.sub_f32s(own[i], with_before));
+        leak[i] = simd.add_f32s(leak[i], simd.add_f32s(not_after, not_before));
+    }
+}
+
+/// Takes over those numbers that are not nearly what is stored: weights to the next nodes along x, y and z, and leaks.
+/// Nodes are counted from `first`.
+#[inline(always)]
+pub(super) fn take_over<S: Simd>(
+    simd: S,
+    first: usize,
+    [x, y, z, leak]: [&mut [f32]; 4],
+    [new_x, new_y, new_z, new_leak]: [&[f32]; 4],
+) -> Taken {
+    let (x, y) = (S::as_mut_simd_f32s(x).0, S::as_mut_simd_f32s(y).0);
+    let (z, leak) = (S::as_mut_simd_f32s(z).0, S::as_mut_simd_f32s(leak).0);
+    let n = x.len();
+    let (y, z, leak) = (&mut y[..n], &mut z[..n], &mut leak[..n]);
+    let (new_x, new_y) = (&single::<S>(new_x)[..n], &single::<S>(new_y)[..n]);
+    let (new_z, new_leak) = (&single::<S>(new_z)[..n], &single::<S>(new_leak)[..n]);
+    let step = simd.splat_f32s(S::F32_LANES as f32);
+    let mut node = simd.add_f32s(simd.splat_f32s(first as f32), single::<S>(&LANES)[0]);
+    let [mut any, mut of_x] = [Extent::none(simd), Extent::none(simd)];
+    let [mut of_y, mut of_z] = [Extent::none(simd), Extent::none(simd)];
+    for i in 0..n {
+        let differs_x = replace_if_different(simd, &mut x[i], new_x[i]);
+        let differs_y = replace_if_different(simd, &mut y[i], new_y[i]);
+        let differs_z = replace_if_different(simd, &mut z[i], new_z[i]);
+        let differs_leak = replace_if_different(simd, &mut leak[i], new_leak[i]);
+        let differs = simd.or_m32s(simd.or_m32s(differs_x, differs_y), simd.or_m32s(differs_z, differs_leak));
+        of_x.add(simd, node, differs_x);
+        of_y.add(simd, node, differs_y);
+        of_z.add(simd, node, differs_z);
+        any.add(simd, node, differs);
+        node = simd.add_f32s(node, step);
+    }
+    Taken { any: any.range(simd), next: [of_x.range(simd), of_y.range(simd), of_z.range(simd)] }
+}
+
+/// Takes over numbers where they are not nearly those that are stored. Returns where.
+#[inline(always)]
+fn replace_if_different<S: Simd>(simd: S, stored: &mut S::f32s, new: S::f32s) -> S::m32s {
+    // Infinite is not nearly any other number, but nearly infinite.
+    let most = simd.splat_f32s(f32::MAX);
+    let (a, b) = (simd.min_f32s(new, most), simd.min_f32s(*stored, most));
+    let slack = simd.mul_f32s(simd.splat_f32s(NEGLIGIBLE), simd.max_f32s(a, b));
+    let differs = simd.greater_than_f32s(simd.abs_f32s(simd.sub_f32s(a, b)), slack);
+    *stored = simd.select_f32s(differs, new, *stored);
+    differs
+}
+
+impl<S: Simd> Extent<S> {
+    #[inline(always)]
+    fn none(simd: S) -> Self {
+        Self { first: simd.splat_f32s(f32::INFINITY), last: simd.splat_f32s(-1.0) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, simd: S, node: S::f32s, changed: S::m32s) {
+        self.first = simd.select_f32s(changed, simd.min_f32s(self.first, node), self.first);
+        self.last = simd.select_f32s(changed, simd.max_f32s(self.last, node), self.last);
+    }
+
+    #[inline(always)]
+    fn range(self, simd: S) -> Range<usize> {
+        simd.reduce_min_f32s(self.first) as usize..(simd.reduce_max_f32s(self.last) + 1.0) as usize
+    }
+}
