@@ -17,6 +17,9 @@ const CAUTION: f64 = 3.0;
 const FIRST_TO_LEARN: u32 = 4;
 const LEARN_EVERY: u32 = 16;
 
+/// As many motions are learned from after a change that was none: the scene may have become another.
+const TO_LEARN_AFTER_CHANGE: u32 = 1;
+
 /// Steps that a solve takes at least to learn from, and the part of the tolerance that it goes on to: slow directions of
 /// little energy show late. More than so many it does not take for that.
 const LEARNING_STEPS: std::ops::Range<usize> = 3..8;
@@ -34,6 +37,11 @@ const KNOWN: f64 = 0.5;
 /// A first step that drops more than this part of the energy is not after a motion like others: a second one must show
 /// how fast the drops fall.
 const SMALL_MOTION: f64 = 3e-3;
+
+/// A step so many times longer than those learned from goes along a direction that the preconditioner knows badly. So
+/// much, in relation to its drop, may then be left. With 1.2 a bar that comes closer needs a second step twice as often.
+const LONG: f64 = 1.5;
+const LEFT_AFTER_LONG: f64 = 10.0;
 
 /// A step that hardly drops less than the one before is taken to have so many more ahead.
 const SLOWEST: f64 = 0.95;
@@ -53,7 +61,11 @@ pub(super) enum ErrorRule {
 pub(super) struct Experience {
     /// Of each kind of step the largest share that was left after it, in relation to its drop; it fades.
     shares: [Option<f64>; KINDS_OF_STEPS],
+    /// The longest step of each kind; it fades too.
+    lengths: [f64; KINDS_OF_STEPS],
     solves: u32,
+    /// How many motions are still to be learned from since a change that was none.
+    to_learn: u32,
 }
 
 /// Energies and steps of all columns in one solve, and what solves before it have shown.
@@ -65,6 +77,8 @@ pub(super) struct EnergyError {
     /// How many steps each column has taken; those that are done take no more.
     taken: Vec<usize>,
     count: usize,
+    /// Whether the first step of some column was too large for a motion.
+    is_large: bool,
 }
 
 /// What one column did in one iteration.
@@ -74,12 +88,14 @@ pub(super) struct Step {
     pub(super) drop: f64,
     pub(super) excess: f64,
     pub(super) energy: f64,
+    /// The length of the best step, of which 1 is right for a perfect preconditioner.
+    pub(super) length: f64,
 }
 
 impl EnergyError {
     pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
         let steps = vec![Step::default(); REMEMBERED * columns];
-        Self { rule, steps, taken: vec![0; columns], count: 0 }
+        Self { rule, steps, taken: vec![0; columns], count: 0, is_large: false }
     }
 
     /// Begins a solve.
@@ -87,12 +103,19 @@ impl EnergyError {
         self.steps.fill(Step::default());
         self.taken.fill(0);
         self.count = 0;
+        self.is_large = false;
     }
 
     /// Takes one column's part in the iteration under way.
     pub(super) fn record(&mut self, column: usize, step: Step) {
         self.steps[column * REMEMBERED + self.count % REMEMBERED] = step;
         self.taken[column] = self.count + 1;
+        self.is_large |= self.count == 0 && is_large(&step);
+    }
+
+    /// Whether a column had any residual to begin with.
+    pub(super) fn took_steps(&self, column: usize) -> bool {
+        self.taken[column] > 0
     }
 
     /// A column has no residual left: there is no error, whatever its steps.
@@ -109,7 +132,9 @@ impl EnergyError {
     /// Whether one column's estimated relative error is below a tolerance.
     pub(super) fn is_below(&self, column: usize, tolerance: f64) -> bool {
         match self.rule {
-            ErrorRule::Experience(_) if self.is_learning() && self.count < LEARNING_STEPS.end => {
+            ErrorRule::Experience(experience)
+                if experience.learns_from(self.is_large) && self.count < LEARNING_STEPS.end =>
+            {
                 self.count >= LEARNING_STEPS.start
                     && self.is_estimated_below(column, LEARNING_TOLERANCE * tolerance)
             }
@@ -129,13 +154,11 @@ impl EnergyError {
         }
     }
 
-    /// Whether this solve is one to learn from.
+    /// Whether this solve is one to learn from, unless it turns out not to be after a motion.
     pub(super) fn is_learning(&self) -> bool {
         match self.rule {
             ErrorRule::Window => true,
-            ErrorRule::Experience(Experience { solves, .. }) => {
-                solves < FIRST_TO_LEARN || solves.is_multiple_of(LEARN_EVERY)
-            }
+            ErrorRule::Experience(experience) => experience.learns_from(false),
         }
     }
 
@@ -154,11 +177,12 @@ impl EnergyError {
                 (taken - WINDOW..taken).map(|step| steps[step % REMEMBERED].drop).sum::<f64>()
             }
             ErrorRule::Experience(experience) => {
-                if taken < 2 && last.drop > SMALL_MOTION * last.energy {
+                if taken < 2 && is_large(&last) {
                     return None;
                 }
                 let expected = experience.share(taken.saturating_sub(1)).map(|share| CAUTION * share);
-                last.drop * larger(expected, trend(steps, taken))?
+                let long = experience.is_long(taken.saturating_sub(1), &last).then_some(LEFT_AFTER_LONG);
+                last.drop * larger(long, Some(larger(expected, trend(steps, taken))?))?
             }
         };
         Some((to_come + last.excess) / last.energy)
@@ -166,8 +190,13 @@ impl EnergyError {
 
     /// Ends a solve.
     pub(super) fn finish(&mut self) {
-        let fading = if self.is_learning() { FADING } else { 1.0 };
         if let ErrorRule::Experience(experience) = &mut self.rule {
+            let fading = if experience.learns_from(self.is_large) { FADING } else { 1.0 };
+            if fading < 1.0 {
+                experience.learn_lengths(&self.steps, &self.taken);
+            }
+            experience.to_learn =
+                if self.is_large { TO_LEARN_AFTER_CHANGE } else { experience.to_learn.saturating_sub(1) };
             experience.solves = experience.solves.saturating_add(1);
             let mut seen = [None; KINDS_OF_STEPS];
             for (steps, &taken) in self.steps.chunks_exact(REMEMBERED).zip(&self.taken) {
@@ -179,6 +208,30 @@ impl EnergyError {
 }
 
 impl Experience {
+    fn learns_from(&self, is_large: bool) -> bool {
+        let is_due = self.solves < FIRST_TO_LEARN || self.solves.is_multiple_of(LEARN_EVERY);
+        is_due || self.to_learn > 0 && !is_large
+    }
+
+    fn is_long(&self, step: usize, last: &Step) -> bool {
+        last.length > LONG * self.lengths[step.min(KINDS_OF_STEPS - 1)]
+    }
+
+    fn learn_lengths(&mut self, steps: &[Step], taken: &[usize]) {
+        let mut seen = [0.0_f64; KINDS_OF_STEPS];
+        for (steps, &taken) in steps.chunks_exact(REMEMBERED).zip(taken) {
+            for (index, step) in steps[..taken.min(REMEMBERED)].iter().enumerate() {
+                let kind = &mut seen[index.min(KINDS_OF_STEPS - 1)];
+                *kind = kind.max(step.length);
+            }
+        }
+        for (length, seen) in self.lengths.iter_mut().zip(seen) {
+            if seen > 0.0 {
+                *length = seen.max(FADING * *length);
+            }
+        }
+    }
+
     /// The share that is left after a step, counted from zero. Steps of a kind that was not seen yet are taken for such
     /// as come before them.
     fn share(&self, step: usize) -> Option<f64> {
@@ -208,6 +261,11 @@ impl Experience {
             }
         }
     }
+}
+
+/// Whether the first step of a column drops more than one after a motion.
+fn is_large(first: &Step) -> bool {
+    first.drop > SMALL_MOTION * first.energy
 }
 
 /// The larger of what is known.
@@ -243,7 +301,7 @@ mod tests {
             let q: Vec<f64> = p.iter().zip(eigenvalues).map(|(p, k)| p * k).collect();
             let alpha = rr / p.iter().zip(&q).map(|(p, q)| p * q).sum::<f64>();
             left -= alpha * rr;
-            error.record(0, Step { drop: alpha * rr, excess: 0.0, energy: 1e6 });
+            error.record(0, Step { drop: alpha * rr, excess: 0.0, energy: 1e6, length: 1.0 });
             error.advance();
             r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
             let next: f64 = r.iter().map(|r| r * r).sum();
@@ -293,6 +351,47 @@ mod tests {
         let _ = solve(&mut error, &eigenvalues(), &[], 1);
         assert_eq!(error.relative(0), None);
         assert!(!error.is_below(0, 1.0));
+    }
+
+    fn step(drop: f64, length: f64) -> Step {
+        Step { drop, excess: 0.0, energy: 1.0, length }
+    }
+
+    fn solve_with(error: &mut EnergyError, steps: &[Step]) {
+        error.start();
+        for &step in steps {
+            error.record(0, step);
+            error.advance();
+        }
+    }
+
+    /// What the solves of an object that appears show is too little for the motions that follow.
+    #[test]
+    fn the_first_motion_after_a_large_change_is_learned_from() {
+        let mut error = fresh();
+        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
+        for _ in 0..=FIRST_TO_LEARN {
+            solve_with(&mut error, &motion);
+            error.finish();
+        }
+        assert!(!error.is_learning());
+        solve_with(&mut error, &[step(1.0, 1.0), step(1e-2, 1.0), step(1e-4, 1.0)]);
+        error.finish();
+        solve_with(&mut error, &motion[..1]);
+        assert!(error.is_estimated_below(0, 1e-4) && !error.is_below(0, 1e-4));
+    }
+
+    /// A step along a direction that the preconditioner knows badly is longer than others.
+    #[test]
+    fn after_a_long_step_much_may_be_left() {
+        let mut error = fresh();
+        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
+        solve_with(&mut error, &motion);
+        error.finish();
+        solve_with(&mut error, &[step(1e-4, 1.0)]);
+        assert!(error.relative(0).unwrap() < 1e-5);
+        solve_with(&mut error, &[step(1e-4, 2.0)]);
+        assert!(error.relative(0).unwrap() > 5e-4);
     }
 
     #[test]

@@ -3,7 +3,8 @@
 //! Inside such a body the potential is nearly constant and nearly free to move: one direction of very low energy for
 //! each body, which neither smoothing nor a hierarchy built for air finds quickly, and which an iteration that never met
 //! it cannot report. Adding the exact solution in that direction, 1 (1ᵀK1)⁻¹ 1ᵀ with 1 the body's indicator, to a
-//! preconditioner takes it out of the spectrum (Nicolaides 1987).
+//! preconditioner takes it out of the spectrum (Nicolaides 1987). A body within another one that is far weaker, or beside
+//! it, has such a direction of its own.
 
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -13,6 +14,9 @@ use crate::stiffness::StiffnessMatrix;
 /// no islands, 4 and 10, and errors are told too small in some frames.
 pub(crate) const CONTRAST: f64 = 10.0;
 
+/// A body in one that it is so many times stronger than is an island of its own in that, and so on.
+const NESTED: f64 = 100.0;
+
 /// The islands of one frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
@@ -20,7 +24,7 @@ pub(super) struct Islands {
     /// Edges that hold islands together, and whether each edge of the mesh is one.
     strong: Vec<u32>,
     is_strong: Vec<bool>,
-    /// The nodes of all islands, and for each node of the mesh one that it is joined to: itself outside of islands.
+    /// The nodes joined so far, and for each node of the mesh one that it is joined to: itself outside of islands.
     members: Vec<u32>,
     parent: Vec<u32>,
 }
@@ -50,11 +54,25 @@ impl Islands {
         changed: &[u32],
     ) {
         self.find_strong_edges(matrix, occupancy, fixed, changed);
+        self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
+        self.islands.clear();
+        let (mut contrast, mut outer) = (CONTRAST, 0);
+        while self.join(matrix, occupancy, contrast) {
+            let found = self.islands.len();
+            self.collect(matrix, occupancy, outer);
+            (contrast, outer) = (NESTED * contrast, found);
+        }
+    }
+
+    /// Joins the nodes of edges of some strength. Returns whether there are any.
+    fn join(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, contrast: f64) -> bool {
         for node in self.members.drain(..) {
             self.parent[node as usize] = node;
         }
-        self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
         for &edge in &self.strong {
+            if occupancy.couplings()[edge as usize].through < contrast {
+                continue;
+            }
             let [a, b] = matrix.network().edges().ends_of_existing(edge as usize);
             self.members.extend([a, b]);
             let (a, b) = (root(&mut self.parent, a), root(&mut self.parent, b));
@@ -62,7 +80,7 @@ impl Islands {
         }
         self.members.sort_unstable();
         self.members.dedup();
-        self.collect(matrix, occupancy);
+        !self.members.is_empty()
     }
 
     /// The islands found last, in the order of their smallest nodes.
@@ -98,9 +116,10 @@ impl Islands {
         strong.dedup();
     }
 
-    fn collect(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy) {
+    /// Adds the islands that were joined, but for those that are there from `outer` on, held together by weaker edges.
+    fn collect(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, outer: usize) {
         let Self { islands, members, parent, .. } = self;
-        islands.clear();
+        let first = islands.len();
         let network = matrix.network();
         for &node in &*members {
             // The smallest node of an island is its root, and comes first.
@@ -108,10 +127,11 @@ impl Islands {
             if root_of_node == node {
                 islands.push(Island { root: node, nodes: Vec::new(), stiffness: 0.0 });
             }
-            let Ok(island) = islands.binary_search_by_key(&root_of_node, |island| island.root) else {
+            let Ok(island) = islands[first..].binary_search_by_key(&root_of_node, |island| island.root)
+            else {
                 continue;
             };
-            let Island { nodes, stiffness, .. } = &mut islands[island];
+            let Island { nodes, stiffness, .. } = &mut islands[first + island];
             nodes.push(node);
             *stiffness += matrix.link_weight(node as usize);
             network.edges().for_edges_at(node as usize, |edge, end| {
@@ -122,7 +142,15 @@ impl Islands {
                 }
             });
         }
-        islands.retain(|island| island.stiffness > 0.0);
+        let inner = islands.split_off(first);
+        let is_new = |island: &Island| {
+            islands[outer..]
+                .iter()
+                .all(|other| (other.root, other.nodes.len()) != (island.root, island.nodes.len()))
+        };
+        let inner: Vec<_> =
+            inner.into_iter().filter(|island| island.stiffness > 0.0 && is_new(island)).collect();
+        islands.extend(inner);
     }
 
     /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to one column's z and returns what that adds to r·z. `r` reads r at a node;

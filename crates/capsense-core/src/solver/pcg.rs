@@ -99,10 +99,14 @@ impl ConjugateGradients {
             self.record(fields, iterations, exact)?;
             iterations += 1;
             demand.update(&fields.state().energies);
+            let state = fields.state();
             for (column, active) in self.active.iter_mut().enumerate() {
-                let energy = fields.state().energies[column * fields.columns() + column];
+                let energy = state.energies[column * fields.columns() + column];
                 let allowed = demand.allowed(column, energy, options);
-                *active = !self.error.is_below(column, allowed);
+                // A column that seemed to have no residual may turn out to have one now that all of it was evaluated.
+                let missed =
+                    !self.error.took_steps(column) && state.residual[column] > GONE * state.charge[column];
+                *active = missed || !self.error.is_below(column, allowed);
             }
         }
         let relative_error = self.worst(demand);
@@ -242,6 +246,7 @@ impl ConjugateGradients {
                     drop: before * best,
                     excess: if reliable { after * after / curvature } else { energy },
                     energy,
+                    length: before * best / self.rz[column],
                 },
             );
         }
