@@ -4,7 +4,8 @@
 //! each body, which neither smoothing nor a hierarchy built for air finds quickly, and which an iteration that never met
 //! it cannot report. Adding the exact solution in that direction, 1 (1ᵀK1)⁻¹ 1ᵀ with 1 the body's indicator, to a
 //! preconditioner takes it out of the spectrum (Nicolaides 1987). A body within another one that is far weaker, or beside
-//! it, has such a direction of its own.
+//! it, is an island in an island and has such a direction of its own: 1 less its part along the directions of the islands
+//! around it, in the scalar product of K, so that solutions along both may be added.
 
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -17,6 +18,9 @@ pub(crate) const CONTRAST: f64 = 10.0;
 /// A body in one that it is so many times stronger than is an island of its own in that, and so on.
 const NESTED: f64 = 100.0;
 
+/// Of stronger couplings, K in double precision does not know what is around them.
+const STRONGEST: f64 = 1e14;
+
 /// The islands of one frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
@@ -27,25 +31,31 @@ pub(super) struct Islands {
     /// The nodes joined so far, and for each node of the mesh one that it is joined to: itself outside of islands.
     members: Vec<u32>,
     parent: Vec<u32>,
+    /// How far to go along the direction of each island.
+    along: Vec<f64>,
 }
 
 /// Nodes that are joined by strong edges.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Island {
-    /// The node that the others are joined to.
-    root: u32,
+    /// In increasing order. The first is the one that the others are joined to.
     nodes: Vec<u32>,
-    /// 1ᵀK1: the sum of the weights that lead out.
+    /// The islands around it, from the outermost on, with the part of its indicator that lies along their directions.
+    around: Vec<(usize, f64)>,
+    /// dᵀKd of its direction d.
     stiffness: f64,
 }
 
+/// Of a direction that is so little of the island's indicator, nothing but rounding is left.
+const SAME: f64 = 1e-6;
+
 impl Islands {
-    /// Finds the connected sets of free nodes that strong edges hold together. `changed` holds the nodes whose row or
-    /// state changed since the last time.
     pub(super) fn is_empty(&self) -> bool {
         self.islands.is_empty()
     }
 
+    /// Finds the connected sets of free nodes that strong edges hold together. `changed` holds the nodes whose row or
+    /// state changed since the last time.
     pub(super) fn find(
         &mut self,
         matrix: &StiffnessMatrix,
@@ -56,11 +66,10 @@ impl Islands {
         self.find_strong_edges(matrix, occupancy, fixed, changed);
         self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
         self.islands.clear();
-        let (mut contrast, mut outer) = (CONTRAST, 0);
-        while self.join(matrix, occupancy, contrast) {
-            let found = self.islands.len();
-            self.collect(matrix, occupancy, outer);
-            (contrast, outer) = (NESTED * contrast, found);
+        let mut contrast = CONTRAST;
+        while contrast < STRONGEST && self.join(matrix, occupancy, contrast) {
+            self.collect(matrix, occupancy);
+            contrast *= NESTED;
         }
     }
 
@@ -116,53 +125,115 @@ impl Islands {
         strong.dedup();
     }
 
-    /// Adds the islands that were joined, but for those that are there from `outer` on, held together by weaker edges.
-    fn collect(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, outer: usize) {
+    /// Adds the islands that were joined; some are in islands that are there already, held together by weaker edges.
+    fn collect(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy) {
         let Self { islands, members, parent, .. } = self;
         let first = islands.len();
-        let network = matrix.network();
+        let mut found: Vec<Vec<u32>> = Vec::new();
         for &node in &*members {
             // The smallest node of an island is its root, and comes first.
             let root_of_node = root(parent, node);
             if root_of_node == node {
-                islands.push(Island { root: node, nodes: Vec::new(), stiffness: 0.0 });
+                found.push(Vec::new());
             }
-            let Ok(island) = islands[first..].binary_search_by_key(&root_of_node, |island| island.root)
-            else {
-                continue;
-            };
-            let Island { nodes, stiffness, .. } = &mut islands[first + island];
-            nodes.push(node);
-            *stiffness += matrix.link_weight(node as usize);
-            network.edges().for_edges_at(node as usize, |edge, end| {
-                let Some(ends) = network.edges().ends(edge) else { return };
-                if root(parent, ends[1 - end]) != root_of_node {
-                    let base = network.weights()[edge];
-                    *stiffness += if base > 0.0 { base * occupancy.couplings()[edge].through } else { base };
-                }
-            });
+            let place = found.partition_point(|nodes| nodes.first().is_some_and(|&root| root < root_of_node));
+            if let Some(nodes) = found.get_mut(place) {
+                nodes.push(node);
+            }
         }
-        let inner = islands.split_off(first);
-        let is_new = |island: &Island| {
-            islands[outer..]
-                .iter()
-                .all(|other| (other.root, other.nodes.len()) != (island.root, island.nodes.len()))
-        };
-        let inner: Vec<_> =
-            inner.into_iter().filter(|island| island.stiffness > 0.0 && is_new(island)).collect();
-        islands.extend(inner);
+        for nodes in found {
+            let outward = weights_out_of(&nodes, parent, matrix, occupancy);
+            let innermost = islands[..first].iter().rposition(|island| island.holds(nodes[0]));
+            islands.extend(Island::new(nodes, &outward, innermost, islands));
+        }
     }
 
-    /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to one column's z and returns what that adds to r·z. `r` reads r at a node;
-    /// `raise` adds to z at a node and returns what was added after rounding.
-    pub(super) fn correct(&self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64) -> f64) -> f64 {
+    /// Adds d (dᵀr)/(dᵀKd) for the direction d of every island to one column's z and returns what that adds to r·z. `r`
+    /// reads r at a node; `raise` adds to z at a node and returns what was added after rounding.
+    pub(super) fn correct(&mut self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64) -> f64) -> f64 {
+        let Self { islands, along, .. } = self;
+        along.clear();
+        for island in &*islands {
+            let within: f64 = island.nodes.iter().map(|&node| r(node)).sum();
+            along.push(island.around.iter().fold(within, |sum, &(other, part)| sum - part * along[other]));
+        }
+        // From dᵀr to how far to go along d, and from there, the innermost first, to how far along 1.
+        along.iter_mut().zip(&*islands).for_each(|(along, island)| *along /= island.stiffness);
         let mut product = 0.0;
-        for island in &self.islands {
-            let shift = island.nodes.iter().map(|&node| r(node)).sum::<f64>() / island.stiffness;
+        for (index, island) in islands.iter().enumerate().rev() {
+            let shift = along[index];
+            island.around.iter().for_each(|&(other, part)| along[other] -= part * shift);
             product += island.nodes.iter().map(|&node| r(node) * raise(node, shift)).sum::<f64>();
         }
         product
     }
+}
+
+impl Island {
+    /// One with the islands around the innermost that it is in. None if it has no direction of its own. `outward` holds
+    /// the weights that lead out of it, and to where.
+    fn new(
+        nodes: Vec<u32>,
+        outward: &[(Option<u32>, f64)],
+        innermost: Option<usize>,
+        islands: &[Self],
+    ) -> Option<Self> {
+        let own: f64 = outward.iter().map(|(_, weight)| weight).sum();
+        let (mut around, mut stiffness) = (Vec::new(), own);
+        let further = innermost.into_iter().flat_map(|index| &islands[index].around);
+        for index in further.map(|(index, _)| *index).chain(innermost) {
+            let other = &islands[index];
+            let leaves = |to: &Option<u32>| to.is_none_or(|node| !other.holds(node));
+            let with_indicator: f64 =
+                outward.iter().filter(|(to, _)| leaves(to)).map(|(_, weight)| weight).sum();
+            // 1ᵀKd, as the other direction d is its indicator less its part along those around it.
+            let product = other.around.iter().zip(&around).fold(
+                with_indicator,
+                |product, ((index, part), (_, along)): (_, &(usize, f64))| {
+                    product - part * along * islands[*index].stiffness
+                },
+            );
+            around.push((index, product / other.stiffness));
+            stiffness -= product * product / other.stiffness;
+        }
+        (stiffness > SAME * own).then_some(Self { nodes, around, stiffness })
+    }
+
+    #[cfg(test)]
+    pub(super) fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
+    fn holds(&self, node: u32) -> bool {
+        self.nodes.binary_search(&node).is_ok()
+    }
+}
+
+/// The weights that lead out of an island, each with the node that it leads to if that is none of an object.
+fn weights_out_of(
+    nodes: &[u32],
+    parent: &mut [u32],
+    matrix: &StiffnessMatrix,
+    occupancy: &Occupancy,
+) -> Vec<(Option<u32>, f64)> {
+    let network = matrix.network();
+    let mut outward = Vec::new();
+    for &node in nodes {
+        match matrix.link_weight(node as usize) {
+            0.0 => {}
+            weight => outward.push((None, weight)),
+        }
+        network.edges().for_edges_at(node as usize, |edge, end| {
+            let Some(ends) = network.edges().ends(edge) else { return };
+            let other = ends[1 - end];
+            if root(parent, other) != nodes[0] {
+                let base = network.weights()[edge];
+                let weight = if base > 0.0 { base * occupancy.couplings()[edge].through } else { base };
+                outward.push((Some(other), weight));
+            }
+        });
+    }
+    outward
 }
 
 fn root(parent: &mut [u32], mut node: u32) -> u32 {

@@ -271,7 +271,7 @@ impl<const L: usize> Solver<L> {
         for (index, group) in self.groups.iter().enumerate() {
             let mut products = self.inverse.apply(index, &self.rows, &group.kx, &self.workers);
             if let Some(z) = self.inverse.approximate_mut(index) {
-                add_islands(&self.islands, &self.rows, &group.kx, z, &mut products);
+                add_islands(&mut self.islands, &self.rows, &group.kx, z, &mut products);
             }
             spread(index, &products, &mut self.products[0]);
         }
@@ -315,7 +315,7 @@ fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
 
 /// Adds 1 (1ᵀr)/(1ᵀK1) of every island to z, and what that adds to rᵀz.
 fn add_islands<const L: usize>(
-    islands: &Islands,
+    islands: &mut Islands,
     rows: &Rows,
     kx: &[[f64; L]],
     mut z: Approximate<'_, L>,

@@ -306,6 +306,40 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     assert!(((with - without) / expected - 1.0).abs() < 1e-3, "{with} {without} {expected}");
 }
 
+/// A surface just above nodes joins these to the body by weaker edges than its inside, so one body is several islands, one
+/// in the other. What K makes of their indicators is led back to them.
+#[test]
+fn islands_in_islands_are_solved_for_exactly() {
+    let mut scene = Scene::new(5_000);
+    let mut islands = Islands::default();
+    let mut height = 0.02;
+    while islands.islands().len() < 2 {
+        height += 1e-4;
+        assert!(height < 0.06);
+        scene.move_object(height, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
+        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
+    }
+    let mut expected = vec![0.0; scene.matrix.nodes()];
+    for (island, height) in islands.islands().iter().zip([1.0, -0.3, 2.0]) {
+        island.nodes().iter().for_each(|&node| expected[node as usize] += height);
+    }
+    let charge = |node: u32| -> f64 {
+        let node = node as usize;
+        let around = scene.matrix.row(node).map(|(other, weight)| weight * expected[other]);
+        scene.matrix.diagonal(node) * expected[node] - around.sum::<f64>()
+    };
+    let mut found = vec![0.0; expected.len()];
+    let product = islands.correct(charge, |node, shift| {
+        found[node as usize] += shift;
+        shift
+    });
+    let energy: f64 = expected.iter().zip(0..).map(|(x, node)| x * charge(node)).sum();
+    assert!((product / energy - 1.0).abs() < 1e-9, "{product} {energy}");
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+    }
+}
+
 /// K x is right where the potential was set and at all its neighbours, without a word about changed rows.
 #[test]
 fn a_potential_that_is_set_counts_at_all_neighbours() {
