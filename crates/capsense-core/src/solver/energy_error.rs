@@ -38,6 +38,9 @@ const KNOWN: f64 = 0.5;
 /// how fast the drops fall.
 const SMALL_MOTION: f64 = 3e-3;
 
+/// After a larger change even two drops tell too little of how fast they will fall.
+const LARGE_CHANGE: f64 = 3e-2;
+
 /// A step so many times longer than those learned from goes along a direction that the preconditioner knows badly. So
 /// much, in relation to its drop, may then be left. With 1.2 a bar that comes closer needs a second step twice as often.
 const LONG: f64 = 1.5;
@@ -177,7 +180,8 @@ impl EnergyError {
                 (taken - WINDOW..taken).map(|step| steps[step % REMEMBERED].drop).sum::<f64>()
             }
             ErrorRule::Experience(experience) => {
-                if taken < 2 && is_large(&last) {
+                let first = steps[0].drop / steps[0].energy;
+                if taken < 2 && first > SMALL_MOTION || taken < 3 && first > LARGE_CHANGE {
                     return None;
                 }
                 let expected = experience.share(taken.saturating_sub(1)).map(|share| CAUTION * share);

@@ -43,6 +43,19 @@ impl Workers {
         }
     }
 
+    /// Does two things that do not depend on each other.
+    pub(super) fn both(&self, first: impl FnOnce() + Send, second: impl FnOnce() + Send) {
+        match &self.pool {
+            None => {
+                first();
+                second();
+            }
+            Some(pool) => {
+                pool.join(first, second);
+            }
+        }
+    }
+
     /// Does the work for every task, which must not depend on each other.
     pub(super) fn for_each<T: Send>(
         &self,

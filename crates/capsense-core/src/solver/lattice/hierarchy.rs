@@ -45,7 +45,7 @@ pub(super) struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Plans the levels; weights come with [`Hierarchy::refresh`].
+    /// Plans the levels; weights come with [`Hierarchy::refresh_finest`].
     pub(super) fn new(lattice: &Lattice, layout: Layout, columns: usize, threads: usize) -> Self {
         let mut planes = lattice.axes().clone();
         let few = layout.counts.into_iter().product::<usize>() < FEW_NODES;
@@ -91,10 +91,16 @@ impl Hierarchy {
         self.transfers.iter_mut().for_each(Transfer::clear);
     }
 
-    /// Takes over the matrix and the fixed rows where they changed. `changed` must hold all nodes whose row or state
-    /// changed.
-    pub(super) fn refresh(&mut self, arch: Arch, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
-        let Self { levels, transfers, finest, changed: region } = self;
+    /// Takes over the matrix and the fixed rows where they changed on the finest level. `changed` must hold all nodes whose
+    /// row or state changed.
+    pub(super) fn refresh_finest(
+        &mut self,
+        arch: Arch,
+        matrix: &StiffnessMatrix,
+        fixed: &[bool],
+        changed: &[u32],
+    ) {
+        let Self { levels, finest, changed: region, .. } = self;
         region.clear();
         for node in changed.iter().map(|&node| node as usize) {
             let [i, j, k] = levels[0].layout.indices(node);
@@ -106,14 +112,13 @@ impl Hierarchy {
             region.add(i..i + 1, j, k);
         }
         levels[0].refresh(arch, finest, region);
-        let (mut fine, mut changed) = (&*finest, &*region);
-        for (transfer, level) in transfers.iter_mut().zip(&mut levels[1..]) {
-            transfer.refresh(arch, fine, changed);
-            if let Some((coarse, coarse_changed)) = transfer.coarse() {
-                (fine, changed) = (coarse, coarse_changed);
-                level.refresh(arch, fine, changed);
-            }
-        }
+    }
+
+    /// The finest level, and what makes the coarser ones follow it.
+    pub(super) fn split(&mut self) -> (&mut Level, Coarser<'_>) {
+        let Self { levels, transfers, finest, changed } = self;
+        let (first, levels) = levels.split_at_mut(1);
+        (&mut first[0], Coarser { levels, transfers, finest, changed })
     }
 
     /// One symmetric V-cycle from the right-hand side to the correction of the finest level.
@@ -139,6 +144,28 @@ impl Hierarchy {
         for (index, transfer) in transfers.iter_mut().enumerate().skip(1).rev() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
             transfer.prolong(workers, arch, &mut fine[index], &coarse[0], active);
+        }
+    }
+}
+
+/// All levels but the finest, and where that changed.
+pub(super) struct Coarser<'a> {
+    levels: &'a mut [Level],
+    transfers: &'a mut [Transfer],
+    finest: &'a Network,
+    changed: &'a Changed,
+}
+
+impl Coarser<'_> {
+    /// Recomputes them where the finest level changed.
+    pub(super) fn refresh(self, arch: Arch) {
+        let (mut fine, mut changed) = (self.finest, self.changed);
+        for (transfer, level) in self.transfers.iter_mut().zip(self.levels) {
+            transfer.refresh(arch, fine, changed);
+            if let Some((coarse, coarse_changed)) = transfer.coarse() {
+                (fine, changed) = (coarse, coarse_changed);
+                level.refresh(arch, fine, changed);
+            }
         }
     }
 }

@@ -190,18 +190,22 @@ impl LatticeSolver {
         for node in changed.iter().map(|&node| node as usize) {
             self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
         }
-        self.hierarchy.refresh(self.arch, matrix, fixed, changed);
         self.links.collect(&of_nodes, matrix, self.columns);
-        for node in changed.iter().map(|&node| node as usize) {
-            let indices = layout.indices(node);
-            let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
-            for column in 0..self.columns {
-                let at = NodeInColumn { column, colour, at, place: layout.in_column(column, first) };
-                let finest = &mut self.hierarchy.levels[0];
-                finest.b[colour][at.place] =
-                    if fixed[node] { 0.0 } else { self.potentials.residual(finest, &self.links, at) };
+        self.hierarchy.refresh_finest(self.arch, matrix, fixed, changed);
+        let Self { columns, arch, potentials, links, .. } = self;
+        let (finest, coarser) = self.hierarchy.split();
+        let residuals = || {
+            for node in changed.iter().map(|&node| node as usize) {
+                let indices = layout.indices(node);
+                let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
+                for column in 0..*columns {
+                    let at = NodeInColumn { column, colour, at, place: layout.in_column(column, first) };
+                    finest.b[colour][at.place] =
+                        if fixed[node] { 0.0 } else { potentials.residual(finest, links, at) };
+                }
             }
-        }
+        };
+        self.workers.both(residuals, || coarser.refresh(*arch));
     }
 }
 
