@@ -86,7 +86,6 @@ impl Hierarchy {
     pub(super) fn clear(&mut self) {
         for level in &mut self.levels {
             level.b.iter_mut().chain(&mut level.x).for_each(|values| values.fill(0.0));
-            level.r.fill(0.0);
         }
         self.transfers.iter_mut().for_each(Transfer::clear);
     }
@@ -135,7 +134,6 @@ impl Hierarchy {
         let Self { levels, transfers, .. } = self;
         for (index, transfer) in transfers.iter_mut().enumerate() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
-            fine[index].smooth_from_zero(workers, arch, active);
             transfer.restrict(workers, arch, &fine[index], &mut coarse[0], active);
         }
         if let Some(coarsest) = levels.last_mut() {

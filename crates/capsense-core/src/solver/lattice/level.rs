@@ -2,17 +2,10 @@
 
 use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
 use super::network::{Changed, Network, whole_blocks};
-use super::parts::{Part, Parts, cut, cut_both};
+use super::parts::{Part, Parts, cut_both};
 use super::rows::copy_every_second;
 use super::stencil::Stencil;
-use crate::solver::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
-
-/// Coarse networks are somewhat too stiff, because what couples eliminated nodes is divided among their neighbours: with
-/// four or five of them, corrections of smooth errors fall short by a third. Residuals are raised by this factor on their
-/// way to the coarser level to make up for most of it. Measured at 200k tetrahedra: the condition number falls from 4.9
-/// to 3.9 (as estimated, with caution); a larger factor makes other errors worse.
-const OVERCORRECTION: f32 = 1.15;
 
 /// A level's network and vectors.
 #[derive(Clone, Debug)]
@@ -25,8 +18,6 @@ pub(super) struct Level {
     /// Right-hand side and correction.
     pub(super) b: Coloured<f32>,
     pub(super) x: Coloured<f32>,
-    /// The residual of red nodes after a sweep; that of black ones is zero.
-    pub(super) r: Vec<f32>,
     /// Room for a row of the network.
     inverse: Vec<f32>,
 }
@@ -38,7 +29,6 @@ pub(super) struct Slab<'a> {
     pub(super) layout: Layout,
     pub(super) b: [&'a mut [f32]; 2],
     pub(super) x: [&'a mut [f32]; 2],
-    r: &'a mut [f32],
     pub(super) active: &'a [usize],
 }
 
@@ -53,7 +43,6 @@ impl Level {
             parts: Parts::new(&layout, Parts::worthwhile(&layout, threads)),
             b: layout.zeros(),
             x: layout.zeros(),
-            r: vec![0.0; layout.len()],
             inverse: vec![0.0; layout.counts[0].next_multiple_of(BLOCK)],
         }
     }
@@ -70,26 +59,10 @@ impl Level {
         phase: usize,
         active: &'a [usize],
     ) -> impl Iterator<Item = Slab<'a>> {
-        let Self { stencil, layout, parts, b, x, r, .. } = self;
+        let Self { stencil, layout, parts, b, x, .. } = self;
         let (stencil, layout, parts) = (&*stencil, *layout, parts.phases()[phase]);
-        let vectors = cut_both(parts, b).zip(cut_both(parts, x)).zip(cut(parts, r));
-        parts.iter().zip(vectors).map(move |(part, ((b, x), r))| Slab {
-            part,
-            stencil,
-            layout,
-            b,
-            x,
-            r,
-            active,
-        })
-    }
-
-    /// x = one sweep on K x = b from zero, red nodes first, and r = b - K x after it: red nodes see no neighbours, and
-    /// what black ones add is all that is left over at the red ones.
-    pub(super) fn smooth_from_zero(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
-        for phase in [0, 1] {
-            workers.for_each(self.slabs(phase, active), |slab| arch.dispatch(SmoothFromZero(slab)));
-        }
+        let vectors = cut_both(parts, b).zip(cut_both(parts, x));
+        parts.iter().zip(vectors).map(move |(part, (b, x))| Slab { part, stencil, layout, b, x, active })
     }
 
     /// Some symmetric sweeps from zero, for a level that has no coarser one.
@@ -101,7 +74,6 @@ impl Level {
 
 /// Work that is compiled once for each set of instructions that a processor may have. Not closures, which the compiler
 /// may leave out of the function that has these instructions.
-struct SmoothFromZero<'a>(Slab<'a>);
 struct Solve<'a>(Slab<'a>, usize);
 struct Refresh<'a> {
     stencil: &'a mut Stencil<f32>,
@@ -141,26 +113,6 @@ fn deal_to(to: &mut Coloured<f32>, [(first, at), (second, behind)]: [(usize, usi
     let n = row.len();
     copy_every_second(&mut to[first][at..at + n.div_ceil(2)], row);
     copy_every_second(&mut to[second][behind..behind + n / 2], &row[1..]);
-}
-
-impl WithSimd for SmoothFromZero<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self(mut slab) = self;
-        for step in slab.part.steps(3) {
-            if let Some(k) = slab.part.plane(0, step) {
-                slab.scale_red(simd, k);
-            }
-            if let Some(k) = slab.part.plane(1, step) {
-                slab.relax(simd, BLACK, k);
-            }
-            if let Some(k) = slab.part.plane(2, step) {
-                slab.red_residual(simd, k);
-            }
-        }
-    }
 }
 
 impl WithSimd for Solve<'_> {
@@ -213,17 +165,6 @@ impl Slab<'_> {
             let here = self.part.within(&self.layout.plane_of(column, k));
             let around = self.layout.neighbours(colour, here.start, here.len(), other);
             stencil.relax(simd, &mut own[here.clone()], &self.b[colour][here], around);
-        }
-    }
-
-    /// r = Σ w x, raised for the coarser level, at the red nodes of a plane.
-    #[inline(always)]
-    fn red_residual<S: Simd>(&mut self, simd: S, k: usize) {
-        let stencil = self.stencil.piece(RED, self.stencil.layout.plane(k));
-        for &column in self.active {
-            let here = self.part.within(&self.layout.plane_of(column, k));
-            let around = self.layout.neighbours(RED, here.start, here.len(), &*self.x[BLACK]);
-            stencil.gather(simd, OVERCORRECTION, &mut self.r[here], around);
         }
     }
 }

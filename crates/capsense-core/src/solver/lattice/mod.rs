@@ -4,6 +4,7 @@
 mod between;
 mod coarse_row;
 mod coarsening;
+mod descent;
 mod hierarchy;
 mod layout;
 mod level;

@@ -19,7 +19,7 @@ pub(super) enum Potentials {
     Double {
         x: Coloured<f64>,
         /// K over the nodes; what links nodes to objects is on the diagonal.
-        stencil: Stencil<f64>,
+        stencil: Box<Stencil<f64>>,
         sums: Vec<Sums<f64>>,
     },
 }
@@ -29,7 +29,7 @@ impl Potentials {
     pub(super) fn double(of_nodes: Layout, layout: &Layout, slabs: usize) -> Self {
         Self::Double {
             x: layout.zeros(),
-            stencil: Stencil::new(of_nodes),
+            stencil: Box::new(Stencil::new(of_nodes)),
             sums: vec![Sums::new(layout); slabs],
         }
     }
@@ -83,7 +83,7 @@ impl Potentials {
             Self::Single { x, leak, .. } => {
                 at.residual(Leaking { stencil: &finest.stencil, leak }, x, &finest.layout, links)
             }
-            Self::Double { x, stencil, .. } => at.residual(stencil, x, &finest.layout, links),
+            Self::Double { x, stencil, .. } => at.residual(&**stencil, x, &finest.layout, links),
         }
     }
 }

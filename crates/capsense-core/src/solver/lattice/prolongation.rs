@@ -138,14 +138,17 @@ impl<B: Behind> Prolongation<'_, B> {
         }
     }
 
-    /// Corrects the red nodes of a fine plane, from the thick plane at it or from the two around it.
+    /// Corrects the red nodes of a fine plane, where x = D⁻¹ b, from the thick plane at it or from the two around it.
     #[inline(always)]
     fn correct_red<S: Simd>(&mut self, simd: S, k: usize, between: bool) {
-        let Slab { part, stencil, layout, x: [red, _], active, .. } = &mut self.fine;
+        let Slab { part, stencil, layout, b: [b, _], x: [red, _], active, .. } = &mut self.fine;
         let places = stencil.layout.plane(k);
+        let piece = stencil.piece(RED, places.clone());
         let [after, before] = &self.between.thick;
         for &column in *active {
-            let x = &mut red[part.within(&layout.plane_of(column, k))];
+            let here = part.within(&layout.plane_of(column, k));
+            let (x, b) = (&mut red[here.clone()], &b[here]);
+            piece.scale(simd, x, b);
             let (half, at) = after.part(layout, RED, k, column);
             match &self.stages.z {
                 Some(stage) if between => {

@@ -26,8 +26,15 @@ impl WithSimd for Restriction<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let rows = self.layout.rows();
-        for step in self.part.steps(1) {
-            let Some(k) = self.part.plane(0, step) else { continue };
+        let planes = self.part.steps(1);
+        if planes.is_empty() {
+            return;
+        }
+        let first = self.stages.fine_plane(planes.start).saturating_sub(1);
+        self.between.descent.start(simd, self.fine, first, self.active);
+        for k in planes.start..planes.end {
+            let last = self.stages.fine_plane(k) + 1;
+            self.between.descent.go_on(simd, self.fine, last, self.active);
             self.along_z(simd, k);
             for j in rows.start..rows.end {
                 self.along_y(simd, j, k);
@@ -41,24 +48,19 @@ impl Restriction<'_> {
     /// Fills the thick plane of a coarse plane.
     #[inline(always)]
     fn along_z<S: Simd>(&mut self, simd: S, plane: usize) {
-        let Level { stencil, layout, r, .. } = self.fine;
-        let [thick, _] = &mut self.between.thick;
+        let Level { stencil, layout, .. } = self.fine;
+        let Between { descent, thick: [thick, _], .. } = &mut *self.between;
         let own = self.stages.fine_plane(plane);
         for &column in self.active {
             let (part, at) = thick.part(layout, RED, own, column);
-            thick.values[part][at].copy_from_slice(&r[layout.plane_of(column, own)]);
+            thick.values[part][at].copy_from_slice(descent.residual(column, own));
             thick.values[1 - part][column * thick.len..(column + 1) * thick.len].fill(0.0);
             let Some(stage) = &self.stages.z else { continue };
             for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
                 if stage.is_eliminated(beside) {
                     let (part, at) = thick.part(layout, RED, beside, column);
                     let share = share.red(stencil.layout.plane(beside));
-                    add_product(
-                        simd,
-                        &mut thick.values[part][at],
-                        share,
-                        &r[layout.plane_of(column, beside)],
-                    );
+                    add_product(simd, &mut thick.values[part][at], share, descent.residual(column, beside));
                 }
             }
         }

@@ -4,6 +4,7 @@
 //! it computes from the red ones: so only red nodes are restricted and corrected.
 
 use super::between::{HalfRows, ThickPlane};
+use super::descent::Descent;
 use super::layout::Layout;
 use super::level::{Level, Slab};
 use super::network::{Changed, Network};
@@ -37,6 +38,8 @@ pub(super) struct Stages {
 /// What is between stages.
 #[derive(Clone, Debug)]
 pub(super) struct Between {
+    /// The fine level on its way to the coarse one.
+    pub(super) descent: Descent,
     /// Between the stages of z and y: a coarse plane, and the one before.
     pub(super) thick: [ThickPlane; 2],
     /// Between the stages of y and x: a coarse row, and the one before.
@@ -48,7 +51,8 @@ pub(super) struct Between {
 impl Transfer {
     /// Zeros everywhere, after numbers that were not finite.
     pub(super) fn clear(&mut self) {
-        for Between { thick, halves, pairs } in &mut self.between {
+        for Between { descent, thick, halves, pairs } in &mut self.between {
+            descent.clear();
             thick.iter_mut().for_each(ThickPlane::clear);
             halves.iter_mut().for_each(HalfRows::clear);
             pairs.clear();
@@ -69,6 +73,7 @@ impl Transfer {
         let thick = ThickPlane::zeros(&fine.layout);
         let halves = HalfRows::zeros(&fine.layout, &thick);
         let between = Between {
+            descent: Descent::new(&fine.layout),
             pairs: Pairs::zeros(coarse[0], fine.layout.columns),
             thick: [thick.clone(), thick],
             halves: [halves.clone(), halves],
@@ -99,7 +104,8 @@ impl Transfer {
         }
     }
 
-    /// The coarse right-hand side: each eliminated node's residual goes to the nodes it is interpolated from.
+    /// The coarse right-hand side: what a sweep from zero leaves over. Each eliminated node's residual goes to the nodes
+    /// that it is interpolated from.
     pub(super) fn restrict(
         &mut self,
         workers: &Workers,

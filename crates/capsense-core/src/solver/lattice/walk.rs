@@ -34,7 +34,7 @@ impl LatticeSolver {
                 surroundings.walk(Leaking { stencil, leak }, inverse, vectors, x, sums);
             }
             Potentials::Double { x, stencil, sums } => {
-                surroundings.walk(&*stencil, inverse, vectors, x, sums);
+                surroundings.walk(&**stencil, inverse, vectors, x, sums);
             }
         }
         self.add_states();
