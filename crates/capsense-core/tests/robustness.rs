@@ -303,3 +303,22 @@ fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
         assert!(4 * iterations[1] <= 9 * iterations[0], "{iterations:?}");
     }
 }
+
+/// A plate that takes the place of another leaves all weights as they were, but not where its links lead.
+#[test]
+fn an_object_in_the_place_of_another_counts_for_itself() {
+    let low = DVec3::new(-0.04, -0.03, 0.0313);
+    let plate = Aabb { min: low, max: low + DVec3::new(0.09, 0.05, 0.001) };
+    let gone = bar(3.0, 0.0);
+    let materials = [conductor(Connection::Floating), conductor(Connection::Grounded)];
+    for sensor in both(stripes_sensor(10_000)) {
+        let simulator = || Simulator::new(sensor.clone(), materials.to_vec(), to(1e-8)).unwrap();
+        let (mut moving, mut fresh) = (simulator(), simulator());
+        for boxes in [[plate, gone], [gone, plate], [plate, gone], [gone, plate]] {
+            let _ = moving.step(&depth_of_boxes([80, 80], &boxes)).unwrap();
+        }
+        let _ = fresh.step(&depth_of_boxes([80, 80], &[gone, plate])).unwrap();
+        let error = relative_error(moving.capacitance(), fresh.capacitance());
+        assert!(error < 2e-8, "{error:e}");
+    }
+}

@@ -116,11 +116,6 @@ impl EnergyError {
         self.is_large |= self.count == 0 && is_large(&step);
     }
 
-    /// Whether a column had any residual to begin with.
-    pub(super) fn took_steps(&self, column: usize) -> bool {
-        self.taken[column] > 0
-    }
-
     /// A column has no residual left: there is no error, whatever its steps.
     pub(super) fn settle(&mut self, column: usize) {
         self.steps[column * REMEMBERED..][..REMEMBERED].fill(Step::default());
@@ -383,6 +378,22 @@ mod tests {
         error.finish();
         solve_with(&mut error, &motion[..1]);
         assert!(error.is_estimated_below(0, 1e-4) && !error.is_below(0, 1e-4));
+    }
+
+    /// After a small change, one step is enough to judge; after a larger one two, after a large one three.
+    #[test]
+    fn the_larger_a_change_the_more_steps_must_show() {
+        let mut error = fresh();
+        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
+        solve_with(&mut error, &motion);
+        error.finish();
+        for (first, needed) in [(1e-3, 1), (1e-2, 2), (0.1, 3)] {
+            let steps = [step(first, 1.0), step(1e-3 * first, 1.0), step(1e-6 * first, 1.0)];
+            for taken in 1..=3 {
+                solve_with(&mut error, &steps[..taken]);
+                assert_eq!(error.relative(0).is_some(), taken >= needed, "{first} {taken}");
+            }
+        }
     }
 
     /// A step along a direction that the preconditioner knows badly is longer than others.

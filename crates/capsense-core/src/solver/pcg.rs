@@ -99,14 +99,10 @@ impl ConjugateGradients {
             self.record(fields, iterations, exact)?;
             iterations += 1;
             demand.update(&fields.state().energies);
-            let state = fields.state();
             for (column, active) in self.active.iter_mut().enumerate() {
-                let energy = state.energies[column * fields.columns() + column];
+                let energy = fields.state().energies[column * fields.columns() + column];
                 let allowed = demand.allowed(column, energy, options);
-                // A column that seemed to have no residual may turn out to have one now that all of it was evaluated.
-                let missed =
-                    !self.error.took_steps(column) && state.residual[column] > GONE * state.charge[column];
-                *active = missed || !self.error.is_below(column, allowed);
+                *active = !self.error.is_below(column, allowed);
             }
         }
         let relative_error = self.worst(demand);

@@ -150,7 +150,8 @@ impl StiffnessMatrix {
         ends.into_iter().for_each(|node| self.changed_rows.insert(node));
     }
 
-    /// Sums up the links at nodes anew, always in the same order.
+    /// Sums up the links at nodes anew, always in the same order. Their rows have changed even where the sums have not: a
+    /// link may lead to another object.
     fn sum_links(&mut self, couplings: &[Coupling]) {
         let (edges, weights) = (self.network.edges(), self.network.weights());
         for &node in &self.relinked.nodes {
@@ -160,10 +161,8 @@ impl StiffnessMatrix {
                     sum += weights[edge] * couplings[edge].factor[end];
                 }
             });
-            if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
-                self.link_sums[node as usize] = sum;
-                self.changed_rows.insert(node);
-            }
+            self.link_sums[node as usize] = sum;
+            self.changed_rows.insert(node);
         }
         self.relinked.clear();
     }
