@@ -114,16 +114,21 @@ impl StiffnessMatrix {
     pub fn update(&mut self, occupancy: &Occupancy) {
         self.changed_rows.clear();
         let couplings = occupancy.couplings();
-        for &edge in occupancy.changed_edges() {
+        for &(edge, before) in occupancy.replaced_couplings() {
             let edge = edge as usize;
             let base = self.network.weights()[edge];
             // Negative weights are no capacitors; they are left as they are.
             if base > 0.0 {
                 let ends = self.network.edges().ends_of_existing(edge);
                 self.set_weight(edge, ends, base * couplings[edge].through);
-                for (node, factor) in ends.into_iter().zip(couplings[edge].factor) {
-                    if factor != 0.0 || self.link_sums[node as usize] != 0.0 {
+                let now = couplings[edge];
+                for (end, node) in ends.into_iter().enumerate() {
+                    if now.factor[end] != 0.0 || self.link_sums[node as usize] != 0.0 {
                         self.relinked.insert(node);
+                    }
+                    // A link may lead to another object and weigh the same.
+                    if now.object[end] != before.object[end] {
+                        self.changed_rows.insert(node);
                     }
                 }
             }
@@ -150,8 +155,7 @@ impl StiffnessMatrix {
         ends.into_iter().for_each(|node| self.changed_rows.insert(node));
     }
 
-    /// Sums up the links at nodes anew, always in the same order. Their rows have changed even where the sums have not: a
-    /// link may lead to another object.
+    /// Sums up the links at nodes anew, always in the same order.
     fn sum_links(&mut self, couplings: &[Coupling]) {
         let (edges, weights) = (self.network.edges(), self.network.weights());
         for &node in &self.relinked.nodes {
@@ -161,8 +165,10 @@ impl StiffnessMatrix {
                     sum += weights[edge] * couplings[edge].factor[end];
                 }
             });
-            self.link_sums[node as usize] = sum;
-            self.changed_rows.insert(node);
+            if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
+                self.link_sums[node as usize] = sum;
+                self.changed_rows.insert(node);
+            }
         }
         self.relinked.clear();
     }
