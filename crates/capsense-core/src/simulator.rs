@@ -396,15 +396,16 @@ mod tests {
         let (front, back) = depth.layer_mut(0);
         front[..40].fill(0.03);
         back[..40].fill(0.05);
-        // Multigrid has the lattice's operator, in single precision, the others have rows.
-        for preconditioner in [Preconditioner::Multigrid, Preconditioner::Ic0, Preconditioner::Jacobi] {
+        // Multigrid has the lattice's operator, in single precision, the others have rows in double.
+        let single = (Preconditioner::Multigrid, 2e-5);
+        for (preconditioner, slack) in [single, (Preconditioner::Ic0, 1e-6), (Preconditioner::Jacobi, 1e-6)] {
             let options = SolverOptions { preconditioner, ..SolverOptions::default() };
             let plate = Material::Conductor(Connection::Grounded);
             let mut simulator = Simulator::new(sensor.clone(), vec![plate], options).unwrap();
             let reported = simulator.step(&depth).unwrap().solve.residual;
             let expected = residual(&simulator);
             assert!(
-                (reported / expected - 1.0).abs() < 2e-5,
+                (reported / expected - 1.0).abs() < slack,
                 "{preconditioner:?}: {reported:e} {expected:e}"
             );
         }

@@ -313,7 +313,7 @@ fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
     columns.iter_mut().skip(group * L).zip(lanes).for_each(|(column, lane)| *column = *lane);
 }
 
-/// Adds 1 (1ᵀr)/(1ᵀK1) of every island to z, and what that adds to rᵀz.
+/// Adds the directions of islands to z, and what that adds to rᵀz.
 fn add_islands<const L: usize>(
     islands: &mut Islands,
     rows: &Rows,

@@ -104,7 +104,7 @@ impl Part {
 }
 
 /// Cuts a vector at the parts.
-pub(super) fn cut<'a, T>(parts: &[Part], mut values: &'a mut [T]) -> impl Iterator<Item = &'a mut [T]> {
+fn cut<'a, T>(parts: &[Part], mut values: &'a mut [T]) -> impl Iterator<Item = &'a mut [T]> {
     parts.iter().map_while(move |part| values.split_off_mut(..part.places.len()))
 }
 
