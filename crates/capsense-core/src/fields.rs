@@ -9,6 +9,9 @@ use crate::solver::{EdgeFields, FieldSolver, SolveError, SolveReport, SolverOpti
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
 
+/// After so many edges it is looked at again whether the bounds still are of use.
+const EDGES_BETWEEN_LOOKS: usize = 64;
+
 /// The potential of every row with one terminal at 1 V and all others at 0 V, one column for each terminal that needs
 /// one: electrodes, then objects that find their own potential.
 #[derive(Clone, Debug)]
@@ -94,7 +97,11 @@ impl Fields {
         self.solver.bracket_mut().start_changes();
         let columns = self.terminals.len();
         let (mut before, mut after) = (Vec::with_capacity(columns), Vec::with_capacity(columns));
-        for &(edge, replaced) in occupancy.replaced_couplings() {
+        for (count, &(edge, replaced)) in occupancy.replaced_couplings().iter().enumerate() {
+            if count % EDGES_BETWEEN_LOOKS == 0 && !self.solver.bracket_is_open(options) {
+                self.solver.bracket_mut().is_lost = true;
+                return;
+            }
             let weight = matrix.network().weights()[edge as usize];
             if weight <= 0.0 {
                 continue;
@@ -125,10 +132,6 @@ impl Fields {
             }
             let free = holders.map(|holder| holder == FREE);
             self.solver.bracket_mut().change(weight, &before, &after, free);
-            if !self.solver.bracket_is_open(options) {
-                self.solver.bracket_mut().is_lost = true;
-                return;
-            }
         }
         self.solver.bracket_mut().finish_changes();
     }

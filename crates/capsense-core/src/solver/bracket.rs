@@ -19,10 +19,11 @@ pub(crate) struct EdgeFields {
 #[derive(Clone, Debug)]
 pub(crate) struct Bracket {
     columns: usize,
-    /// XᵀKX of the fields as they are.
+    /// XᵀKX of the fields as they are, less what was foreseen of their errors.
     pub(super) energies: Vec<f64>,
-    /// By how much the energy of each column may exceed that of the solution.
+    /// By how much the energy of each column's field may exceed that of the solution, and what was foreseen of it.
     pub(super) gap: Vec<f64>,
+    foreseen: Vec<f64>,
     /// Sum over the changes under way, and the factor by which they weaken couplings at most.
     added: Vec<f64>,
     weakened: f64,
@@ -36,17 +37,28 @@ impl Bracket {
             columns,
             energies: vec![0.0; columns * columns],
             gap: vec![0.0; columns],
+            foreseen: vec![0.0; columns],
             added: vec![0.0; columns],
             weakened: 1.0,
             is_lost: true,
         }
     }
 
-    /// Takes over the energies and gaps after a solve.
-    pub(crate) fn reset(&mut self, energies: &[f64], relative_errors: impl Iterator<Item = f64>) {
-        self.energies.copy_from_slice(energies);
-        for (column, (gap, error)) in self.gap.iter_mut().zip(relative_errors).enumerate() {
-            *gap = error * energies[column * self.columns + column];
+    /// Takes over after a solve: the energies of the fields, what is to be taken from them, and the relative errors that
+    /// this leaves.
+    pub(crate) fn reset(
+        &mut self,
+        energies: &[f64],
+        corrections: &[f64],
+        relative_errors: impl Iterator<Item = f64>,
+    ) {
+        for ((corrected, energy), correction) in self.energies.iter_mut().zip(energies).zip(corrections) {
+            *corrected = energy - correction;
+        }
+        for (column, error) in relative_errors.enumerate() {
+            let own = column * self.columns + column;
+            self.foreseen[column] = corrections[own];
+            self.gap[column] = corrections[own] + error * self.energies[own];
         }
         self.added.fill(0.0);
         self.is_lost = false;
@@ -85,22 +97,29 @@ impl Bracket {
 
     /// All changes of a frame have been taken.
     pub(crate) fn finish_changes(&mut self) {
-        for (gap, added) in self.gap.iter_mut().zip(&self.added) {
-            *gap = (added.sqrt() + (self.weakened * *gap).sqrt()).powi(2);
+        for column in 0..self.columns {
+            let added = std::mem::take(&mut self.added[column]);
+            self.gap[column] = self.gap_with(column, added);
         }
+        self.weakened = 1.0;
+    }
+
+    /// The gap of a column after changes that add so much.
+    fn gap_with(&self, column: usize, added: f64) -> f64 {
+        (added.sqrt() + (self.weakened * self.gap[column]).sqrt()).powi(2)
     }
 
     /// Whether the gap of a column still is, or with what was taken so far will be, below a part of its energy.
     pub(crate) fn is_below(&self, column: usize, tolerance: f64) -> bool {
         let energy = self.energies[column * self.columns + column];
-        let gap = self.gap[column].max(self.added[column]);
-        !self.is_lost && (gap <= tolerance * energy || energy <= 0.0 && gap == 0.0)
+        let error = self.gap_with(column, self.added[column]) - self.foreseen[column];
+        !self.is_lost && (error <= tolerance * energy || energy <= 0.0 && error <= 0.0)
     }
 
     /// The gap of a column in relation to the energy.
     pub(crate) fn relative_error(&self, column: usize) -> f64 {
         let energy = self.energies[column * self.columns + column];
-        if energy > 0.0 { self.gap[column] / energy } else { 0.0 }
+        if energy > 0.0 { (self.gap[column] - self.foreseen[column]) / energy } else { 0.0 }
     }
 }
 

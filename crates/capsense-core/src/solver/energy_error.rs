@@ -36,7 +36,7 @@ const KNOWN: f64 = 0.5;
 
 /// A first step that drops more than this part of the energy is not after a motion like others: a second one must show
 /// how fast the drops fall.
-const SMALL_MOTION: f64 = 3e-3;
+const SMALL_MOTION: f64 = 6e-3;
 
 /// After a larger change even two drops tell too little of how fast they will fall.
 const LARGE_CHANGE: f64 = 3e-2;
@@ -113,7 +113,7 @@ impl EnergyError {
     pub(super) fn record(&mut self, column: usize, step: Step) {
         self.steps[column * REMEMBERED + self.count % REMEMBERED] = step;
         self.taken[column] = self.count + 1;
-        self.is_large |= self.count == 0 && is_large(&step);
+        self.is_large |= self.count == 0 && is_large(step.drop, step.energy);
     }
 
     /// A column has no residual left: there is no error, whatever its steps.
@@ -263,8 +263,8 @@ impl Experience {
 }
 
 /// Whether the first step of a column drops more than one after a motion.
-fn is_large(first: &Step) -> bool {
-    first.drop > SMALL_MOTION * first.energy
+pub(super) fn is_large(drop: f64, energy: f64) -> bool {
+    drop > SMALL_MOTION * energy
 }
 
 /// The larger of what is known.

@@ -60,6 +60,7 @@ impl FieldSolver {
         let threads =
             options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         let workers = Workers::new(threads, matrix.nodes());
+        let foresees = options.preconditioner == Preconditioner::Multigrid;
         let vectors = match matrix.network().edges() {
             Edges::Lattice(lattice) if matrix.is_lattice() => {
                 let fields = LatticeSolver::new(lattice, columns, objects, fixed, workers.clone());
@@ -73,7 +74,7 @@ impl FieldSolver {
         Self {
             vectors,
             workers,
-            iteration: ConjugateGradients::new(columns, rule),
+            iteration: ConjugateGradients::new(columns, rule, foresees),
             residual_is_lost: true,
             columns,
             bracket: Bracket::new(columns),
@@ -153,7 +154,8 @@ impl FieldSolver {
             Vectors::Lattice(fields) => &fields.state().energies,
             Vectors::Csr(fields) => &fields.state().energies,
         };
-        self.bracket.reset(energies, (0..self.columns).map(|column| self.iteration.relative_error(column)));
+        let errors = (0..self.columns).map(|column| self.iteration.relative_error(column));
+        self.bracket.reset(energies, self.iteration.corrections(), errors);
         self.residual = report.residual;
         Ok(report)
     }

@@ -31,8 +31,9 @@ pub(super) struct Islands {
     /// The nodes joined so far, and for each node of the mesh one that it is joined to: itself outside of islands.
     members: Vec<u32>,
     parent: Vec<u32>,
-    /// How far to go along the direction of each island.
+    /// How far to go along the direction of each island, and dᵀr in one column after the other.
     along: Vec<f64>,
+    of_columns: Vec<f64>,
 }
 
 /// Nodes that are joined by strong edges.
@@ -148,24 +149,51 @@ impl Islands {
         }
     }
 
-    /// Adds d (dᵀr)/(dᵀKd) for the direction d of every island to one column's z and returns what that adds to r·z. `r`
-    /// reads r at a node; `raise` adds to z at a node and returns what was added after rounding.
-    pub(super) fn correct(&mut self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64) -> f64) -> f64 {
+    /// Adds to RᵀMR, of pairs s <= t of the active columns, what the directions of all islands gain. `r` reads r at a node
+    /// in a column.
+    pub(super) fn add_gains(
+        &mut self,
+        r: impl Fn(u32, usize) -> f64,
+        active: &[usize],
+        columns: usize,
+        gains: &mut [f64],
+    ) {
+        self.of_columns.clear();
+        for &column in active {
+            self.find_along(|node| r(node, column));
+            self.of_columns.extend_from_slice(&self.along);
+        }
+        let of_columns = self.of_columns.chunks_exact(self.islands.len());
+        for (index, (&t, of_t)) in active.iter().zip(of_columns.clone()).enumerate() {
+            for (&s, of_s) in active[..=index].iter().zip(of_columns.clone()) {
+                let products = self.islands.iter().zip(of_s.iter().zip(of_t));
+                gains[s * columns + t] += products.map(|(island, (s, t))| s * t / island.stiffness).sum::<f64>();
+            }
+        }
+    }
+
+    /// dᵀr of the direction d of every island.
+    fn find_along(&mut self, r: impl Fn(u32) -> f64) {
         let Self { islands, along, .. } = self;
         along.clear();
         for island in &*islands {
             let within: f64 = island.nodes.iter().map(|&node| r(node)).sum();
             along.push(island.around.iter().fold(within, |sum, &(other, part)| sum - part * along[other]));
         }
+    }
+
+    /// Adds d (dᵀr)/(dᵀKd) for the direction d of every island to one column's z. `r` reads r at a node; `raise` adds to z
+    /// at a node.
+    pub(super) fn correct(&mut self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64)) {
+        self.find_along(r);
+        let Self { islands, along, .. } = self;
         // From dᵀr to how far to go along d, and from there, the innermost first, to how far along 1.
         along.iter_mut().zip(&*islands).for_each(|(along, island)| *along /= island.stiffness);
-        let mut product = 0.0;
         for (index, island) in islands.iter().enumerate().rev() {
             let shift = along[index];
             island.around.iter().for_each(|&(other, part)| along[other] -= part * shift);
-            product += island.nodes.iter().map(|&node| r(node) * raise(node, shift)).sum::<f64>();
+            island.nodes.iter().for_each(|&node| raise(node, shift));
         }
-        product
     }
 }
 

@@ -5,6 +5,7 @@ mod csr;
 mod demand;
 mod energy_error;
 mod field_solver;
+mod foresight;
 mod incomplete_cholesky;
 mod islands;
 mod lattice;

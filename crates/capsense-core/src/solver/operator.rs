@@ -4,6 +4,9 @@
 /// r = -K x (zero on fixed rows), the preconditioned residual z, and the last step p.
 ///
 /// Columns advance together. One that is not `active` needs no more work: its z is not read again, its step is zero.
+///
+/// A cycle has two halves. The way down from the residual, [`Operator::descend`], tells RᵀMR, how much energy there is to
+/// shed as far as M knows; z is made on the way up, by [`Operator::precondition`] or [`Operator::precondition_and_step`].
 pub(super) trait Operator {
     /// Number of columns.
     fn columns(&self) -> usize;
@@ -14,13 +17,21 @@ pub(super) trait Operator {
     /// r = -K x, recomputed everywhere, and with it [`Operator::state`].
     fn evaluate(&mut self);
 
-    /// z = M r. Returns rᵀz of each column.
-    fn precondition(&mut self, active: &[bool]) -> &[f64];
+    /// RᵀMR of the active columns, row by row, all pairs.
+    fn descend(&mut self, active: &[bool]);
 
-    /// [`Operator::precondition`], then [`Operator::step`] by a z: for operators that can do both in one go. Puts rᵀz,
-    /// before the step, into `rz`.
-    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64], rz: &mut [f64]) {
-        rz.copy_from_slice(self.precondition(active));
+    /// What [`Operator::descend`] told last.
+    fn gains(&self) -> &[f64];
+
+    /// Whether there are bodies of very high permittivity, which M knows only roughly how to move.
+    fn has_islands(&self) -> bool;
+
+    /// z = M r, after [`Operator::descend`].
+    fn precondition(&mut self, active: &[bool]);
+
+    /// [`Operator::precondition`], then [`Operator::step`] by a z: for operators that can do both in one go.
+    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64]) {
+        self.precondition(active);
         self.step(a, b);
     }
 
@@ -36,8 +47,7 @@ pub(super) trait Operator {
 pub(super) struct State {
     /// XᵀKX over all rows, row by row: the energies of all pairs of columns.
     pub(super) energies: Vec<f64>,
-    /// rᵀp of each column, p the last step, before it and after it.
-    pub(super) before: Vec<f64>,
+    /// rᵀp of each column, p the last step, after it.
     pub(super) along: Vec<f64>,
     /// Σ (Kx)² over free rows, which is Σ r², and over the rows at 1 V, of each column.
     pub(super) residual: Vec<f64>,
@@ -49,7 +59,6 @@ impl State {
         let zeros = || vec![0.0; columns];
         Self {
             energies: vec![0.0; columns * columns],
-            before: zeros(),
             along: zeros(),
             residual: zeros(),
             charge: zeros(),
@@ -58,16 +67,15 @@ impl State {
 
     pub(super) fn clear(&mut self) {
         for sums in
-            [&mut self.energies, &mut self.before, &mut self.along, &mut self.residual, &mut self.charge]
+            [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge]
         {
             sums.fill(0.0);
         }
     }
     /// Adds another's sums.
     pub(super) fn add(&mut self, other: &Self) {
-        let Self { energies, before, along, residual, charge } = self;
+        let Self { energies, along, residual, charge } = self;
         let pairs = energies.iter_mut().zip(&other.energies).chain(along.iter_mut().zip(&other.along));
-        let pairs = pairs.chain(before.iter_mut().zip(&other.before));
         let squares = residual.iter_mut().zip(&other.residual).chain(charge.iter_mut().zip(&other.charge));
         pairs.chain(squares).for_each(|(sum, part)| *sum += part);
     }

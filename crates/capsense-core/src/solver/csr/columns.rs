@@ -12,6 +12,8 @@ pub(super) struct Columns<const L: usize> {
     pub(super) kx: Vec<[f64; L]>,
     /// The last step.
     pub(super) p: Vec<[f32; L]>,
+    /// XᵀKX.
+    energies: [[f64; L]; L],
     /// For every strip.
     partial: Vec<Sums<L>>,
 }
@@ -83,6 +85,7 @@ impl<const L: usize> Columns<L> {
             x: vec![[0.0; L]; nodes + objects],
             kx: vec![[0.0; L]; nodes + objects],
             p: vec![[0.0; L]; nodes],
+            energies: [[0.0; L]; L],
             partial: vec![Sums::default(); nodes.div_ceil(STRIP)],
         }
     }
@@ -104,7 +107,7 @@ impl<const L: usize> Columns<L> {
         workers: &Workers,
     ) -> Sums<L> {
         let size = slab(rows, workers);
-        let Self { x, kx, p, partial } = self;
+        let Self { x, kx, p, partial, .. } = self;
         let (x, objects) = x.split_at_mut(rows.len());
         let objects = &*objects;
         let fields = x.chunks_mut(size).zip(p.chunks_mut(size)).zip(z.chunks(size));
@@ -133,7 +136,7 @@ impl<const L: usize> Columns<L> {
         choose: impl Fn(&Range<usize>, &Range<usize>) -> bool + Sync,
     ) {
         let size = slab(rows, workers);
-        let Self { x, kx, p, partial } = self;
+        let Self { x, kx, p, partial, .. } = self;
         let (x, objects) = x.split_at(rows.len());
         let p = p.as_slice();
         let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
@@ -153,13 +156,26 @@ impl<const L: usize> Columns<L> {
         });
     }
 
+    /// XᵀKX as it is: a sum over rows, so that of a pair and of the pair the other way round are equal but for rounding.
+    pub(super) fn energies(&self) -> &[[f64; L]; L] {
+        &self.energies
+    }
+
+    /// Sets a potential and the energies with it. What K x changes is to be evaluated.
+    pub(super) fn set_potential(&mut self, row: usize, lane: usize, potential: f64) {
+        let before = std::mem::replace(&mut self.x[row][lane], potential);
+        let change = potential - before;
+        add(&mut self.energies[lane], &self.kx[row].map(|kx| change * kx));
+    }
+
     /// The sums of all strips and of the objects.
-    fn total(&self, rows: &Rows) -> Sums<L> {
+    fn total(&mut self, rows: &Rows) -> Sums<L> {
         let mut sums = Sums::default();
         self.partial.iter().for_each(|partial| sums.add(partial));
         for (x, kx) in self.x.iter().zip(&self.kx).skip(rows.len()) {
             sums.add_row(x, kx, &[0.0; L], true);
         }
+        self.energies = sums.energies;
         sums
     }
 
@@ -174,19 +190,25 @@ impl<const L: usize> Columns<L> {
         }
     }
 
-    /// As [`Columns::evaluate`] at some rows and at all objects only, and without sums.
+    /// K x at some rows and at all objects, and the energies with it.
     pub(super) fn evaluate_rows(&mut self, rows: &Rows, some: &[u32]) {
-        let Self { x, kx, .. } = self;
+        let Self { x, kx, energies, .. } = self;
         let (x, objects) = x.split_at(rows.len());
         vectorised(
             #[inline(always)]
             || {
                 for row in some.iter().map(|&row| row as usize) {
+                    let before = kx[row];
                     evaluate_strip(rows, x, 0, objects, &mut kx[row..=row], row);
+                    add_change(energies, &x[row], &before, &kx[row]);
                 }
             },
         );
+        let before = self.kx[rows.len()..].to_vec();
         self.evaluate_objects(rows);
+        for ((before, kx), x) in before.iter().zip(&self.kx[rows.len()..]).zip(&self.x[rows.len()..]) {
+            add_change(&mut self.energies, x, before, kx);
+        }
     }
 
     /// zᵀKz and zᵀKp.
@@ -216,6 +238,16 @@ impl<const L: usize> Columns<L> {
             add(&mut sums[1], &partial.along);
         }
         sums
+    }
+}
+
+/// Adds to the energies what it makes of them that the charges of a row have changed.
+#[inline(always)]
+fn add_change<const L: usize>(energies: &mut [[f64; L]; L], x: &[f64; L], before: &[f64; L], now: &[f64; L]) {
+    for (energies, &x) in energies.iter_mut().zip(x) {
+        for lane in 0..L {
+            energies[lane] += x * (now[lane] - before[lane]);
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Approximations of K⁻¹ on the free rows.
 
 use super::super::{IncompleteCholesky, Preconditioner};
-use super::aggregation::{Hierarchy, Work};
+use super::aggregation::{Gains, Hierarchy, Work};
 use super::columns::Columns;
 use super::direct::Direct;
 use super::rows::Rows;
@@ -36,6 +36,12 @@ pub(super) enum Preconditioned<const L: usize> {
     Work(Work<L>),
 }
 
+/// What is known of one group before z is: of pairs of columns what M gains, and the residuals' squares.
+pub(super) struct Told<const L: usize> {
+    pub(super) gains: [[f64; L]; L],
+    pub(super) residual: Option<[f64; L]>,
+}
+
 /// z of one group, to be changed.
 pub(super) enum Approximate<'a, const L: usize> {
     Single(&'a mut [[f32; L]]),
@@ -43,19 +49,11 @@ pub(super) enum Approximate<'a, const L: usize> {
 }
 
 impl<const L: usize> Approximate<'_, L> {
-    /// Adds to z at one place and returns what was added after rounding.
-    pub(super) fn raise(&mut self, row: usize, lane: usize, shift: f64) -> f64 {
+    /// Adds to z at one place.
+    pub(super) fn raise(&mut self, row: usize, lane: usize, shift: f64) {
         match self {
-            Self::Single(z) => {
-                let z = &mut z[row][lane];
-                let before = f64::from(*z);
-                *z = (before + shift) as f32;
-                f64::from(*z) - before
-            }
-            Self::Double(z) => {
-                z[row][lane] += shift;
-                shift
-            }
+            Self::Single(z) => z[row][lane] = (f64::from(z[row][lane]) + shift) as f32,
+            Self::Double(z) => z[row][lane] += shift,
         }
     }
 }
@@ -99,16 +97,20 @@ impl<const L: usize> Inverse<L> {
         }
     }
 
-    /// z = M (-kx) of one group, and its columns' zᵀ(-kx).
-    pub(super) fn apply(
+    /// The first half of a cycle on the residuals -kx of one group, and what it gains; of other approximations z = M (-kx),
+    /// and of each column zᵀ(-kx). Σ (kx)² over free rows too where it is new.
+    pub(super) fn descend(
         &mut self,
         group: usize,
         rows: &Rows,
         kx: &[[f64; L]],
         workers: &Workers,
-    ) -> [f64; L] {
-        match (&self.kind, &mut self.preconditioned[group]) {
-            (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => hierarchy.apply(kx, work, workers),
+    ) -> Told<L> {
+        let own = match (&self.kind, &mut self.preconditioned[group]) {
+            (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => {
+                let Gains { products, squares } = hierarchy.descend(kx, work, workers);
+                return Told { gains: products, residual: Some(squares) };
+            }
             (Kind::IncompleteCholesky(factors), Preconditioned::Double(z)) => {
                 substitute(factors, rows.fixed(), kx, z)
             }
@@ -116,7 +118,24 @@ impl<const L: usize> Inverse<L> {
             (Kind::Diagonal { factors, .. }, Preconditioned::Single(z)) => scale(factors, kx, z),
             // No other pair is ever made.
             _ => [0.0; L],
+        };
+        let mut gains = [[0.0; L]; L];
+        (0..L).for_each(|lane| gains[lane][lane] = own[lane]);
+        Told { gains, residual: None }
+    }
+
+    /// The second half of a cycle: z = M (-kx).
+    pub(super) fn ascend(&mut self, group: usize, kx: &[[f64; L]], workers: &Workers) {
+        if let (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) =
+            (&self.kind, &mut self.preconditioned[group])
+        {
+            hierarchy.ascend(kx, work, workers);
         }
+    }
+
+    /// Whether M is not exactly K⁻¹.
+    pub(super) fn is_approximate(&self) -> bool {
+        !matches!(self.kind, Kind::Direct(_))
     }
 
     /// z of one group where it is not exact.

@@ -24,7 +24,7 @@ use super::workers::Workers;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use columns::{Along, Columns, Sums, add};
-use inverse::{Approximate, Inverse, Preconditioned};
+use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
 
 /// Above this part of the rows, recomputing all of K x costs less than finding the rows that changed.
@@ -53,6 +53,7 @@ pub(crate) struct Solver<const L: usize> {
     state: State,
     /// Products of each column: zᵀr, or zᵀKz and zᵀKp.
     products: [Vec<f64>; 2],
+    gains: Vec<f64>,
     /// Rows in which K x is not what K and x say.
     stale: Stale,
 }
@@ -121,8 +122,8 @@ impl CsrSolver {
     }
 
     /// Takes over a changed matrix. `changed` must hold every node whose row changed or that became fixed or free
-    /// since the last call; all nodes at the first. K x is right again afterwards; the sums of [`Operator::state`] are
-    /// those of the last step or [`Operator::evaluate`].
+    /// since the last call; all nodes at the first. K x and the energies are right again afterwards; other sums of
+    /// [`Operator::state`] are those of the last step or [`Operator::evaluate`].
     pub(crate) fn refresh(
         &mut self,
         matrix: &StiffnessMatrix,
@@ -157,8 +158,20 @@ impl Operator for CsrSolver {
         for_width!(self, of => of.evaluate());
     }
 
-    fn precondition(&mut self, _active: &[bool]) -> &[f64] {
-        for_width!(self, of => of.precondition())
+    fn descend(&mut self, _active: &[bool]) {
+        for_width!(self, of => of.descend());
+    }
+
+    fn gains(&self) -> &[f64] {
+        for_width!(self, of => &of.gains)
+    }
+
+    fn has_islands(&self) -> bool {
+        for_width!(self, of => !of.islands.is_empty())
+    }
+
+    fn precondition(&mut self, _active: &[bool]) {
+        for_width!(self, of => of.precondition());
     }
 
     fn curvatures(&mut self, _active: &[bool]) -> (&[f64], &[f64]) {
@@ -191,6 +204,7 @@ impl<const L: usize> Solver<L> {
             workers,
             state: State::new(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
+            gains: vec![0.0; columns * columns],
             stale: Stale { rows: Vec::new(), marked: vec![false; nodes] },
         }
     }
@@ -206,8 +220,10 @@ impl<const L: usize> Solver<L> {
 
     fn set_potential(&mut self, column: usize, row: usize, value: f64) {
         let row = self.rows.row_of(row);
-        let potential = &mut self.groups[column / L].x[row][column % L];
-        if std::mem::replace(potential, value).to_bits() != value.to_bits() && row < self.rows.len() {
+        let group = &mut self.groups[column / L];
+        let before = group.x[row][column % L];
+        group.set_potential(row, column % L, value);
+        if before.to_bits() != value.to_bits() && row < self.rows.len() {
             // What K x is there and at all neighbours.
             self.stale.push(row as u32);
             self.rows.row(row).0.iter().for_each(|&other| self.stale.push(other));
@@ -222,9 +238,11 @@ impl<const L: usize> Solver<L> {
             self.evaluate();
         } else {
             self.stale.rows.sort_unstable();
-            for group in &mut self.groups {
-                group.evaluate_rows(&self.rows, &self.stale.rows);
+            for index in 0..self.groups.len() {
+                self.groups[index].evaluate_rows(&self.rows, &self.stale.rows);
+                self.take_energies(index);
             }
+            self.add_cross_energies();
         }
         self.stale.clear();
     }
@@ -254,10 +272,15 @@ impl<const L: usize> Solver<L> {
             self.state.along[column] = -sums.along[lane];
             self.state.residual[column] = sums.residual[lane];
             self.state.charge[column] = sums.charge[lane];
-            for other in 0..L {
-                let mean = 0.5 * (sums.energies[lane][other] + sums.energies[other][lane]);
-                self.set_energy(column, group * L + other, mean);
-            }
+        }
+        self.take_energies(group);
+    }
+
+    /// Takes over the energies of one group.
+    fn take_energies(&mut self, group: usize) {
+        let energies = *self.groups[group].energies();
+        for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
+            self.set_energy(group * L + s, group * L + t, 0.5 * (energies[s][t] + energies[t][s]));
         }
     }
 
@@ -267,15 +290,44 @@ impl<const L: usize> Solver<L> {
         }
     }
 
-    fn precondition(&mut self) -> &[f64] {
-        for (index, group) in self.groups.iter().enumerate() {
-            let mut products = self.inverse.apply(index, &self.rows, &group.kx, &self.workers);
-            if let Some(z) = self.inverse.approximate_mut(index) {
-                add_islands(&mut self.islands, &self.rows, &group.kx, z, &mut products);
+    fn descend(&mut self) {
+        for index in 0..self.groups.len() {
+            let kx = &self.groups[index].kx;
+            let Told { gains, residual } = self.inverse.descend(index, &self.rows, kx, &self.workers);
+            for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
+                let (row, column) = (index * L + s, index * L + t);
+                if row < self.columns && column < self.columns {
+                    self.gains[row * self.columns + column] = 0.5 * (gains[s][t] + gains[t][s]);
+                }
             }
-            spread(index, &products, &mut self.products[0]);
+            if let Some(residual) = residual {
+                spread(index, &residual, &mut self.state.residual);
+            }
         }
-        &self.products[0]
+        if !self.islands.is_empty() && self.inverse.is_approximate() {
+            self.add_gains_of_islands();
+        }
+    }
+
+    fn add_gains_of_islands(&mut self) {
+        let Self { columns, rows, groups, islands, gains, .. } = self;
+        let r = |node: u32, column: usize| -groups[column / L].kx[rows.row_of(node as usize)][column % L];
+        let all: Vec<usize> = (0..*columns).collect();
+        islands.add_gains(r, &all, *columns, gains);
+        for t in 0..*columns {
+            for s in 0..t {
+                gains[t * *columns + s] = gains[s * *columns + t];
+            }
+        }
+    }
+
+    fn precondition(&mut self) {
+        for (index, group) in self.groups.iter().enumerate() {
+            self.inverse.ascend(index, &group.kx, &self.workers);
+            if let Some(z) = self.inverse.approximate_mut(index) {
+                add_islands(&mut self.islands, &self.rows, &group.kx, z);
+            }
+        }
     }
 
     fn curvatures(&mut self) -> (&[f64], &[f64]) {
@@ -313,18 +365,16 @@ fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
     columns.iter_mut().skip(group * L).zip(lanes).for_each(|(column, lane)| *column = *lane);
 }
 
-/// Adds the directions of islands to z, and what that adds to rᵀz.
+/// Adds the directions of islands to z.
 fn add_islands<const L: usize>(
     islands: &mut Islands,
     rows: &Rows,
     kx: &[[f64; L]],
     mut z: Approximate<'_, L>,
-    products: &mut [f64; L],
 ) {
     let row = |node: u32| rows.row_of(node as usize);
-    for (lane, product) in products.iter_mut().enumerate() {
-        *product +=
-            islands.correct(|node| -kx[row(node)][lane], |node, shift| z.raise(row(node), lane, shift));
+    for lane in 0..L {
+        islands.correct(|node| -kx[row(node)][lane], |node, shift| z.raise(row(node), lane, shift));
     }
 }
 

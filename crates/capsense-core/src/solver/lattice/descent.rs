@@ -6,6 +6,8 @@
 
 use super::layout::{BLACK, BLOCK, Layout, RED};
 use super::level::Level;
+use super::rows::multiply;
+use super::sums::{PIECE, products, total};
 use pulp::Simd;
 use std::ops::Range;
 
@@ -13,7 +15,7 @@ use std::ops::Range;
 /// four or five of them, corrections of smooth errors fall short by a third. Residuals are raised by this factor on their
 /// way to the coarser level to make up for most of it. Measured at 200k tetrahedra: the condition number falls from 4.9
 /// to 3.9 (as estimated, with caution); a larger factor makes other errors worse.
-const OVERCORRECTION: f32 = 1.15;
+pub(super) const OVERCORRECTION: f32 = 1.15;
 
 /// So many planes are kept of each number, an even number of them, so that a plane takes the place of one coloured alike.
 const KEPT: usize = 4;
@@ -29,8 +31,20 @@ pub(super) struct Descent {
     red: [Vec<f32>; KEPT],
     black: [Vec<f32>; KEPT],
     residual: [Vec<f32>; KEPT],
-    /// The next plane that gets a residual.
+    /// The first plane that got a residual, and the next that gets one.
+    first: usize,
     next: usize,
+    gains: Gains,
+}
+
+/// What the sweep takes from the energies: bᵀMb, M the sweep, for all pairs of columns.
+#[derive(Clone, Debug)]
+struct Gains {
+    /// Of every plane, all pairs s <= t; those of inactive columns are of no use.
+    of_planes: Vec<f64>,
+    /// D and D x of a piece.
+    diagonal: Vec<f32>,
+    charges: Vec<f32>,
 }
 
 impl Descent {
@@ -40,7 +54,13 @@ impl Descent {
         let zeros = vec![0.0; padding + layout.plane + layout.row + 3 * BLOCK];
         let planes = || [(); KEPT].map(|()| zeros.clone());
         let (red, black, residual) = (planes(), planes(), planes());
-        Self { layout: *layout, padding, zeros, red, black, residual, next: 0 }
+        let pairs = layout.columns * (layout.columns + 1) / 2;
+        let gains = Gains {
+            of_planes: vec![0.0; pairs * layout.counts[2]],
+            diagonal: vec![0.0; PIECE],
+            charges: vec![0.0; PIECE],
+        };
+        Self { layout: *layout, padding, zeros, red, black, residual, first: 0, next: 0, gains }
     }
 
     /// Zeros everywhere, after numbers that were not finite.
@@ -52,7 +72,7 @@ impl Descent {
     /// Starts with the residual of a plane.
     #[inline(always)]
     pub(super) fn start<S: Simd>(&mut self, simd: S, level: &Level, k: usize, active: &[usize]) {
-        self.next = k;
+        (self.first, self.next) = (k, k);
         for plane in k.saturating_sub(2)..k + 2 {
             self.scale_red(simd, level, plane, active);
         }
@@ -68,6 +88,7 @@ impl Descent {
             self.scale_red(simd, level, self.next + 2, active);
             self.relax_black(simd, level, self.next + 1, active);
             self.leave_red(simd, level, self.next, active);
+            self.note_gains(simd, level, self.next, active);
             self.next += 1;
         }
     }
@@ -80,6 +101,20 @@ impl Descent {
         } else {
             &self.zeros[..self.layout.plane(k).len()]
         }
+    }
+
+    /// Whether the last sweep went through a plane.
+    pub(super) fn went_through(&self, k: usize) -> bool {
+        (self.first..self.next).contains(&k)
+    }
+
+    /// What the sweep took in a plane, one of those gone through last, from the energy of a pair s <= t of active columns.
+    pub(super) fn gain(&self, k: usize, s: usize, t: usize) -> f64 {
+        self.gains.of_planes[k * self.pairs() + pair(s, t)]
+    }
+
+    fn pairs(&self) -> usize {
+        pair(0, self.layout.columns)
     }
 
     /// Where the nodes of one colour of plane k are.
@@ -134,6 +169,43 @@ impl Descent {
             stencil.gather(simd, OVERCORRECTION, &mut self.residual[k % KEPT][places], around);
         }
     }
+
+    /// Each node that is relaxed takes D x² from the energy.
+    #[inline(always)]
+    fn note_gains<S: Simd>(&mut self, simd: S, level: &Level, k: usize, active: &[usize]) {
+        let pairs = self.pairs();
+        self.gains.of_planes[k * pairs..][..pairs].fill(0.0);
+        if !self.layout.planes().contains(&k) {
+            return;
+        }
+        let plane = level.stencil.layout.plane(k);
+        for piece in 0..2 * plane.len().div_ceil(PIECE) {
+            let (colour, start) = (piece % 2, piece / 2 * PIECE);
+            let n = (plane.len() - start).min(PIECE);
+            let (layout, from) = (self.layout, self.padding + start - self.layout.shift(colour, k));
+            let here = |column: usize| {
+                let first = from + layout.plane_of(column, k).start;
+                first..first + n
+            };
+            let x = if colour == RED { &self.red[k % KEPT] } else { &self.black[k % KEPT] };
+            let Gains { of_planes, diagonal, charges } = &mut self.gains;
+            let (diagonal, charges) = (&mut diagonal[..n], &mut charges[..n]);
+            let at = plane.start + start;
+            level.stencil.piece(colour, at..at + n).diagonal(simd, diagonal);
+            for (index, &t) in active.iter().enumerate() {
+                multiply(simd, charges, diagonal, &x[here(t)]);
+                for &s in &active[..=index] {
+                    of_planes[k * pairs + pair(s, t)] += total(&products(simd, &x[here(s)], charges));
+                }
+            }
+        }
+    }
+}
+
+/// Number of a pair s <= t of columns.
+#[inline(always)]
+fn pair(s: usize, t: usize) -> usize {
+    t * (t + 1) / 2 + s
 }
 
 /// The neighbours' values, along x, y and z, of nodes with even or odd i + j at some places of plane k.

@@ -5,6 +5,7 @@
 //! are no longer than a length which grows from step to step. Cells become more equal from level to level, and errors
 //! that a level cannot smooth along a short spacing are smooth on the level where that spacing is gone.
 
+use super::descent::OVERCORRECTION;
 use super::layout::Layout;
 use super::level::Level;
 use super::network::{Changed, Network};
@@ -104,11 +105,20 @@ impl Hierarchy {
         for node in changed.iter().map(|&node| node as usize) {
             let [i, j, k] = levels[0].layout.indices(node);
             let at = finest.index([i, j, k]);
+            let set = |value: &mut f32, now: f32| std::mem::replace(value, now).to_bits() != now.to_bits();
+            let leak = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
+            // Within a conductor nothing differs, whatever links its nodes have.
+            let mut differs = set(&mut finest.leak[at], leak);
             for (axis, next) in finest.next.iter_mut().enumerate() {
-                next[at] = matrix.lattice_weight(node, axis) as f32;
+                if set(&mut next[at], matrix.lattice_weight(node, axis) as f32) {
+                    differs = true;
+                    let [i, j, k] = [0, 1, 2].map(|other| [i, j, k][other] + usize::from(other == axis));
+                    region.add(i..i + 1, j, k);
+                }
             }
-            finest.leak[at] = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
-            region.add(i..i + 1, j, k);
+            if differs {
+                region.add(i..i + 1, j, k);
+            }
         }
         levels[0].refresh(arch, finest, region);
     }
@@ -120,25 +130,37 @@ impl Hierarchy {
         (&mut first[0], Coarser { levels, transfers, finest, changed })
     }
 
-    /// One symmetric V-cycle from the right-hand side to the correction of the finest level.
-    pub(super) fn cycle(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
-        self.correct_coarse(workers, arch, active);
+    /// The second half of a symmetric V-cycle, up to the correction x of the finest level.
+    pub(super) fn ascend(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+        self.ascend_coarse(workers, arch, active);
         let Self { levels, transfers, .. } = self;
         if let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) {
             transfer.prolong(workers, arch, finest, coarse, active);
         }
     }
 
-    /// The cycle up to where the second level is corrected; the whole of it if there is no such level.
-    pub(super) fn correct_coarse(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+    /// The first half of a symmetric V-cycle: from the right-hand side b of the finest level to the solution of the
+    /// coarsest. Adds bᵀMb for all pairs s <= t of active columns to `gains`: the sweeps of the second half mirror those of
+    /// the first, so it is what each sweep on the way down takes from the energy, and bᵀx on the coarsest level.
+    pub(super) fn descend(&mut self, workers: &Workers, arch: Arch, active: &[usize], gains: &mut [f64]) {
         let Self { levels, transfers, .. } = self;
+        // What a level gains it gains of a residual that was raised on the way to it, and back on the finest of z only.
+        let mut part = 1.0;
         for (index, transfer) in transfers.iter_mut().enumerate() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
             transfer.restrict(workers, arch, &fine[index], &mut coarse[0], active);
+            transfer.add_gains(active, part, gains);
+            part /= f64::from(OVERCORRECTION);
         }
         if let Some(coarsest) = levels.last_mut() {
             coarsest.solve(arch, COARSEST_SWEEPS, active);
+            coarsest.add_products(active, part, gains);
         }
+    }
+
+    /// The second half up to where the second level is corrected.
+    pub(super) fn ascend_coarse(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+        let Self { levels, transfers, .. } = self;
         for (index, transfer) in transfers.iter_mut().enumerate().skip(1).rev() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
             transfer.prolong(workers, arch, &mut fine[index], &coarse[0], active);

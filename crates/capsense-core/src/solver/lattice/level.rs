@@ -65,6 +65,21 @@ impl Level {
         parts.iter().zip(vectors).map(move |(part, (b, x))| Slab { part, stencil, layout, b, x, active })
     }
 
+    /// Adds a part of bᵀx of all pairs s <= t of active columns to `products`.
+    pub(super) fn add_products(&self, active: &[usize], part: f64, products: &mut [f64]) {
+        let layout = &self.layout;
+        for k in layout.planes() {
+            let pairs = active.iter().flat_map(|&t| active.iter().filter(move |&&s| s <= t).map(move |&s| (s, t)));
+            for (s, t) in pairs {
+                for (x, b) in self.x.iter().zip(&self.b) {
+                    let (x, b) = (&x[layout.plane_of(s, k)], &b[layout.plane_of(t, k)]);
+                    let product = x.iter().zip(b).map(|(x, b)| f64::from(x * b)).sum::<f64>();
+                    products[s * layout.columns + t] += part * product;
+                }
+            }
+        }
+    }
+
     /// Some symmetric sweeps from zero, for a level that has no coarser one.
     pub(super) fn solve(&mut self, arch: Arch, sweeps: usize, active: &[usize]) {
         // Such a level is too small for several slabs.

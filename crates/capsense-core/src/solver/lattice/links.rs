@@ -9,8 +9,6 @@ use std::ops::Range;
 pub(super) struct ObjectLinks {
     /// In the order of colours and places.
     links: Vec<ObjectLink>,
-    /// Those of nodes that are not evaluated because their rows and planes are fixed throughout.
-    of_margin: Vec<ObjectLink>,
     /// Potentials of objects: object by object, all columns.
     pub(super) potentials: Vec<f64>,
 }
@@ -19,7 +17,9 @@ pub(super) struct ObjectLinks {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObjectLink {
     pub(super) colour: usize,
+    /// Where the node is in numbers that are there once for each node, and in the first column of vectors.
     pub(super) at: usize,
+    pub(super) place: usize,
     pub(super) object: usize,
     pub(super) weight: f64,
 }
@@ -30,31 +30,23 @@ impl ObjectLinks {
         Self { potentials: vec![0.0; objects * columns], ..Self::default() }
     }
 
-    /// Takes those links of a matrix that lead to objects that are at 1 V in some column.
-    pub(super) fn collect(&mut self, layout: &Layout, matrix: &StiffnessMatrix, columns: usize) {
+    /// Takes those links of a matrix that lead to objects that are at 1 V in some column. Layouts are those of numbers which
+    /// are there once for each node, and of vectors.
+    pub(super) fn collect(&mut self, of_nodes: &Layout, layout: &Layout, matrix: &StiffnessMatrix) {
         self.links.clear();
-        self.of_margin.clear();
         for (node, object, weight) in matrix.object_links() {
-            if self.potentials[object * columns..][..columns].iter().any(|&potential| potential != 0.0) {
-                let indices = layout.indices(node);
-                let (colour, at) = layout.place(indices);
-                let is_evaluated =
-                    layout.planes().contains(&indices[2]) && layout.plane(indices[2]).contains(&at);
-                let links = if is_evaluated { &mut self.links } else { &mut self.of_margin };
-                links.push(ObjectLink { colour, at, object, weight });
+            let potentials = &self.potentials[object * layout.columns..][..layout.columns];
+            if potentials.iter().any(|&potential| potential != 0.0) {
+                let indices = of_nodes.indices(node);
+                let ((colour, at), (_, place)) = (of_nodes.place(indices), layout.place(indices));
+                self.links.push(ObjectLink { colour, at, place, object, weight });
             }
         }
         self.links.sort_by_key(|link| (link.colour, link.at));
     }
 
-    /// Adds the energies of links to nodes of the margin, which are held at 0 V in all columns.
-    pub(super) fn add_margin(&self, columns: usize, energies: &mut [f64]) {
-        for link in &self.of_margin {
-            let potentials = &self.potentials[link.object * columns..][..columns];
-            for (s, t) in (0..columns).flat_map(|s| (0..columns).map(move |t| (s, t))) {
-                energies[s * columns + t] += link.weight * potentials[s] * potentials[t];
-            }
-        }
+    pub(super) fn all(&self) -> &[ObjectLink] {
+        &self.links
     }
 
     /// Those of nodes of one colour at some places.

@@ -2,9 +2,11 @@
 //! precision.
 
 mod between;
+mod charges;
 mod coarse_row;
 mod coarsening;
 mod descent;
+mod held;
 mod hierarchy;
 mod layout;
 mod level;
@@ -17,6 +19,7 @@ mod potentials;
 mod precision;
 mod products;
 mod prolongation;
+mod refreshed;
 mod restriction;
 mod rows;
 mod shares;
@@ -32,12 +35,15 @@ use super::workers::Workers;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use charges::NodeCharges;
+use held::Held;
 use hierarchy::Hierarchy;
 use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;
-use potentials::{NodeInColumn, Potentials};
+use potentials::Potentials;
 use pulp::Arch;
+use refreshed::Refreshed;
 use sums::PIECE;
 
 #[cfg(test)]
@@ -60,12 +66,19 @@ pub(crate) struct LatticeSolver {
     islands: Islands,
     /// Columns that are worked on.
     active: Vec<usize>,
-    /// rᵀz, or zᵀKz and zᵀKp.
-    products: [Vec<f64>; 2],
+    /// RᵀMR of all pairs of columns.
+    gains: Vec<f64>,
+    /// zᵀKz and zᵀKp.
+    curvatures: [Vec<f64>; 2],
     /// The same and the state, of each plane alone.
-    products_of_planes: Vec<[Vec<f64>; 2]>,
+    curvatures_of_planes: Vec<[Vec<f64>; 2]>,
     state_of_planes: Vec<State>,
     state: State,
+    /// The part of the state's energies that is of free rows, for pairs s <= t of columns; and what is held.
+    of_free: Vec<f64>,
+    held: Held,
+    /// Room for one node.
+    node: NodeCharges,
     /// How threads share the planes, and storage for each.
     parts: Parts,
     charges: Vec<Vec<f32>>,
@@ -99,10 +112,14 @@ impl LatticeSolver {
             hierarchy,
             islands: Islands::default(),
             active: Vec::with_capacity(columns),
-            products: [vec![0.0; columns], vec![0.0; columns]],
-            products_of_planes: vec![[vec![0.0; columns], vec![0.0; columns]]; counts[2]],
+            gains: vec![0.0; columns * columns],
+            curvatures: [vec![0.0; columns], vec![0.0; columns]],
+            curvatures_of_planes: vec![[vec![0.0; columns], vec![0.0; columns]]; counts[2]],
             state_of_planes: vec![State::new(columns); counts[2]],
             state: State::new(columns),
+            of_free: vec![0.0; columns * columns],
+            held: Held::new(counts.into_iter().product()),
+            node: NodeCharges::new(columns),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,
@@ -125,14 +142,19 @@ impl LatticeSolver {
         }
     }
 
-    /// Sets the potential of a row in one column. The residual follows with the next [`LatticeSolver::refresh`] or
-    /// evaluation.
+    /// Sets the potential of a row in one column. The residual and the state follow with the next
+    /// [`LatticeSolver::refresh`] or evaluation.
     pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {
         match row.checked_sub(self.nodes()) {
             Some(object) => self.links.potentials[object * self.columns + column] = potential,
             None => {
                 let (colour, at) = self.place(column, row);
+                let before = self.potentials.get(colour, at);
                 self.potentials.set(colour, at, potential);
+                for t in column..self.columns {
+                    let residual = self.hierarchy.levels[0].b[colour][self.place(t, row).1];
+                    self.of_free[column * self.columns + t] -= (potential - before) * f64::from(residual);
+                }
             }
         }
     }
@@ -184,29 +206,23 @@ impl LatticeSolver {
         (colour, self.layout.in_column(column, at))
     }
 
-    /// Takes over the matrix and the fixed rows where they changed, and the residual there. `changed` must hold all
-    /// nodes whose row, state or neighbour's potential changed.
+    /// Takes over the matrix and the fixed rows where they changed, and the residual there, with the state. `changed` must
+    /// hold all nodes whose row, state or neighbour's potential changed.
     pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
         let (of_nodes, layout) = (self.of_nodes, self.layout);
         for node in changed.iter().map(|&node| node as usize) {
             self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
         }
-        self.links.collect(&of_nodes, matrix, self.columns);
+        self.find_held(fixed, changed);
+        self.links.collect(&of_nodes, &layout, matrix);
         self.hierarchy.refresh_finest(self.arch, matrix, fixed, changed);
-        let Self { columns, arch, potentials, links, .. } = self;
+        let Self { arch, potentials, links, of_free, state, node, .. } = self;
         let (finest, coarser) = self.hierarchy.split();
-        let residuals = || {
-            for node in changed.iter().map(|&node| node as usize) {
-                let indices = layout.indices(node);
-                let ((colour, at), (_, first)) = (of_nodes.place(indices), layout.place(indices));
-                for column in 0..*columns {
-                    let at = NodeInColumn { column, colour, at, place: layout.in_column(column, first) };
-                    finest.b[colour][at.place] =
-                        if fixed[node] { 0.0 } else { potentials.residual(finest, links, at) };
-                }
-            }
-        };
+        let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
+        let residuals =
+            || changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
         self.workers.both(residuals, || coarser.refresh(*arch));
+        self.add_held();
     }
 }
 

@@ -1,7 +1,7 @@
 //! The iteration's view of the fields on a lattice.
 
 use super::LatticeSolver;
-use super::products::Factor;
+use super::level::Level;
 use crate::solver::operator::{Operator, State};
 
 impl Operator for LatticeSolver {
@@ -18,30 +18,47 @@ impl Operator for LatticeSolver {
         self.walk(None);
     }
 
-    fn precondition(&mut self, active: &[bool]) -> &[f64] {
+    fn descend(&mut self, active: &[bool]) {
         self.activate(active);
-        self.hierarchy.cycle(&self.workers, self.arch, &self.active);
-        self.multiply_correction(Factor::Residual);
-        self.correct_islands();
-        &self.products[0]
+        self.gains.fill(0.0);
+        self.hierarchy.descend(&self.workers, self.arch, &self.active, &mut self.gains);
+        self.add_gains_of_islands();
+        for t in 0..self.columns {
+            for s in 0..t {
+                self.gains[t * self.columns + s] = self.gains[s * self.columns + t];
+            }
+        }
     }
 
-    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64], rz: &mut [f64]) {
+    fn gains(&self) -> &[f64] {
+        &self.gains
+    }
+
+    fn has_islands(&self) -> bool {
+        !self.islands.is_empty()
+    }
+
+    fn precondition(&mut self, active: &[bool]) {
+        self.activate(active);
+        self.hierarchy.ascend(&self.workers, self.arch, &self.active);
+        self.correct_islands();
+    }
+
+    fn precondition_and_step(&mut self, active: &[bool], a: &[f64], b: &[f64]) {
         self.activate(active);
         self.scale.copy_from_slice(a);
-        if self.islands.is_empty() && self.cycle_and_walk() {
+        if self.islands.is_empty() && self.ascend_and_walk() {
             std::mem::swap(&mut self.p, &mut self.hierarchy.levels[0].x);
-            rz.copy_from_slice(&self.state.before);
             self.scale_products();
         } else {
-            rz.copy_from_slice(self.precondition(active));
+            self.precondition(active);
             self.step(a, b);
         }
     }
 
     fn curvatures(&mut self, _active: &[bool]) -> (&[f64], &[f64]) {
-        self.multiply_correction(Factor::Charges);
-        let [own, with_step] = &mut self.products;
+        self.find_curvatures();
+        let [own, with_step] = &mut self.curvatures;
         with_step.iter_mut().zip(&self.scale).for_each(|(product, scale)| *product *= scale);
         (own, with_step)
     }
@@ -76,25 +93,36 @@ impl LatticeSolver {
         self.state.along.iter_mut().zip(&self.scale).for_each(|(along, scale)| *along *= scale);
     }
 
+    /// Adds what the directions of islands gain.
+    fn add_gains_of_islands(&mut self) {
+        if self.islands.is_empty() {
+            return;
+        }
+        let (layout, b) = (self.layout, &self.hierarchy.levels[0].b);
+        let r = |node: u32, column: usize| {
+            let (colour, at) = layout.place(layout.indices(node as usize));
+            f64::from(b[colour][layout.in_column(column, at)])
+        };
+        self.islands.add_gains(r, &self.active, self.columns, &mut self.gains);
+    }
+
     /// Adds the directions of islands to z.
     fn correct_islands(&mut self) {
         let layout = self.layout;
-        let finest = &mut self.hierarchy.levels[0];
+        let Level { b, x, .. } = &mut self.hierarchy.levels[0];
         for &column in &self.active {
             let place = |node: u32| {
                 let (colour, at) = layout.place(layout.indices(node as usize));
                 (colour, layout.in_column(column, at))
             };
-            let b = &finest.b;
             let r = |node| {
                 let (colour, at) = place(node);
                 f64::from(b[colour][at])
             };
-            self.products[0][column] += self.islands.correct(r, |node, shift| {
+            self.islands.correct(r, |node, shift| {
                 let (colour, at) = place(node);
-                let z = &mut finest.x[colour][at];
-                let before = f64::from(std::mem::replace(z, (f64::from(*z) + shift) as f32));
-                f64::from(*z) - before
+                let z = &mut x[colour][at];
+                *z = (f64::from(*z) + shift) as f32;
             });
         }
     }

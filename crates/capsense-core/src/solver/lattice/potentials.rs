@@ -1,9 +1,6 @@
 //! The potentials of a lattice's nodes.
 
 use super::layout::{Coloured, Layout};
-use super::level::Level;
-use super::links::ObjectLinks;
-use super::precision::{Leaking, Network};
 use super::stencil::Stencil;
 use super::sums::Sums;
 use crate::stiffness::StiffnessMatrix;
@@ -75,46 +72,5 @@ impl Potentials {
                 stencil.centre[colour][at] = matrix.diagonal(node);
             }
         }
-    }
-
-    /// The residual of a free node in one column, with the same operations as where fields are moved.
-    pub(super) fn residual(&self, finest: &Level, links: &ObjectLinks, at: NodeInColumn) -> f32 {
-        match self {
-            Self::Single { x, leak, .. } => {
-                at.residual(Leaking { stencil: &finest.stencil, leak }, x, &finest.layout, links)
-            }
-            Self::Double { x, stencil, .. } => at.residual(&**stencil, x, &finest.layout, links),
-        }
-    }
-}
-
-/// Where a node stands.
-#[derive(Clone, Copy)]
-pub(super) struct NodeInColumn {
-    pub(super) column: usize,
-    pub(super) colour: usize,
-    /// In numbers that are there once for each node, and in vectors.
-    pub(super) at: usize,
-    pub(super) place: usize,
-}
-
-impl NodeInColumn {
-    fn residual<K: Network>(
-        self,
-        network: K,
-        x: &Coloured<K::Value>,
-        layout: &Layout,
-        links: &ObjectLinks,
-    ) -> f32 {
-        let Self { column, colour, at, place } = self;
-        let around = layout.neighbours(colour, place, 1, &x[1 - colour]);
-        let mut charge = network.charge(colour, at, x[colour][place], around);
-        for link in links.between(colour, &(at..at + 1)) {
-            let potential = links.potentials[link.object * layout.columns + column];
-            charge = K::linked(charge, link.weight, potential);
-        }
-        let mut rounded = [0.0];
-        K::round(&mut rounded, &[charge]);
-        -rounded[0]
     }
 }

@@ -1,7 +1,7 @@
 //! Potentials in single or in double precision, with the K that they are multiplied with.
 
 use super::layout::Coloured;
-use super::stencil::{Columns, Stencil};
+use super::stencil::{Columns, Row, Stencil};
 use pulp::Simd;
 use std::ops::Range;
 
@@ -26,8 +26,11 @@ pub(super) trait Network: Copy + Send + Sync {
         columns: Columns,
     );
 
-    /// The same for one node in one column.
-    fn charge(self, colour: usize, at: usize, x: Self::Value, around: [&[Self::Value]; 6]) -> Self::Value;
+    /// The row of one node.
+    fn row(self, colour: usize, at: usize) -> Row<Self::Value>;
+
+    /// The same for it in one column.
+    fn charge(row: &Row<Self::Value>, x: Self::Value, around: [Self::Value; 6]) -> Self::Value;
 
     /// A charge with what a link to a potential takes from it.
     fn linked(charge: Self::Value, weight: f64, potential: f64) -> Self::Value;
@@ -64,8 +67,12 @@ impl Network for &Stencil<f64> {
         self.piece(colour, places).apply(simd, y, x, around, columns);
     }
 
-    fn charge(self, colour: usize, at: usize, x: f64, around: [&[f64]; 6]) -> f64 {
-        Stencil::charge(self, colour, at, x, around)
+    fn row(self, colour: usize, at: usize) -> Row<f64> {
+        Row { weights: self.weights(colour, at), centre: self.centre[colour][at] }
+    }
+
+    fn charge(row: &Row<f64>, x: f64, around: [f64; 6]) -> f64 {
+        row.charge(x, around)
     }
 
     fn linked(charge: f64, weight: f64, potential: f64) -> f64 {
@@ -101,8 +108,12 @@ impl Network for Leaking<'_> {
         self.stencil.piece(colour, places).apply_leaking(simd, y, [x, leak], around, columns);
     }
 
-    fn charge(self, colour: usize, at: usize, x: f32, around: [&[f32]; 6]) -> f32 {
-        self.stencil.leaking_charge(colour, at, [x, self.leak[colour][at]], around)
+    fn row(self, colour: usize, at: usize) -> Row<f32> {
+        Row { weights: self.stencil.weights(colour, at), centre: self.leak[colour][at] }
+    }
+
+    fn charge(row: &Row<f32>, x: f32, around: [f32; 6]) -> f32 {
+        row.charge(x, around)
     }
 
     fn linked(charge: f32, weight: f64, potential: f64) -> f32 {

@@ -21,6 +21,13 @@ pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
 
 /// to += a.
 #[inline(always)]
+pub(super) fn multiply<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
+    for (to, (a, u)) in S::as_mut_simd_f32s(to).0.iter_mut().zip(single::<S>(a).iter().zip(single::<S>(u))) {
+        *to = simd.mul_f32s(*a, *u);
+    }
+}
+
+#[inline(always)]
 pub(super) fn add<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
     for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
         *to = simd.add_f32s(*to, *a);

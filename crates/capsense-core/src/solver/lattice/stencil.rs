@@ -66,6 +66,15 @@ impl Piece<'_, f32> {
         }
     }
 
+    /// D; of no use where the potential is fixed.
+    #[inline(always)]
+    pub(super) fn diagonal<S: Simd>(&self, simd: S, diagonal: &mut [f32]) {
+        let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(f32::MIN_POSITIVE));
+        for (diagonal, inverse) in S::as_mut_simd_f32s(diagonal).0.iter_mut().zip(single::<S>(self.centre)) {
+            *diagonal = simd.div_f32s(one, simd.max_f32s(*inverse, least));
+        }
+    }
+
     /// Solves the equations of the nodes: x = D⁻¹ (b + Σ w x).
     #[inline(always)]
     pub(super) fn relax<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32], around: [&[f32]; 6]) {
@@ -219,40 +228,44 @@ fn sum_of_six_double<S: Simd>(simd: S, w: [S::f64s; 6], v: [S::f64s; 6]) -> S::f
     simd.add_f64s(simd.add_f64s(along_x, along_y), along_z)
 }
 
-impl Stencil<f64> {
-    /// What [`Piece::apply`] gives at one place.
-    pub(super) fn charge(&self, colour: usize, at: usize, x: f64, around: [&[f64]; 6]) -> f64 {
-        let ([west, east], [south, north], [down, up]) = self.weights(colour, at);
-        let along_x = west * around[0][0] + east * around[1][0];
-        let along_y = south * around[2][0] + north * around[3][0];
-        let along_z = down * around[4][0] + up * around[5][0];
-        self.centre[colour][at] * x - (along_x + along_y + along_z)
+/// The row of one node: weights to the six neighbours, as in a piece, and its diagonal in double precision, its leak in
+/// single.
+#[derive(Clone, Copy)]
+pub(super) struct Row<T> {
+    pub(super) weights: [T; 6],
+    pub(super) centre: T,
+}
+
+impl Row<f64> {
+    /// What [`Piece::apply`] gives.
+    #[inline(always)]
+    pub(super) fn charge(&self, x: f64, around: [f64; 6]) -> f64 {
+        let Self { weights: [west, east, south, north, down, up], centre } = *self;
+        let along_x = west * around[0] + east * around[1];
+        let along_y = south * around[2] + north * around[3];
+        let along_z = down * around[4] + up * around[5];
+        centre * x - (along_x + along_y + along_z)
     }
 }
 
-impl Stencil<f32> {
-    /// What [`Piece::apply_leaking`] gives at one place.
-    pub(super) fn leaking_charge(
-        &self,
-        colour: usize,
-        at: usize,
-        [x, leak]: [f32; 2],
-        around: [&[f32]; 6],
-    ) -> f32 {
-        let ([west, east], [south, north], [down, up]) = self.weights(colour, at);
-        let along_x = west * (x - around[0][0]) + east * (x - around[1][0]);
-        let along_y = south * (x - around[2][0]) + north * (x - around[3][0]);
-        let along_z = down * (x - around[4][0]) + up * (x - around[5][0]);
-        leak * x + (along_x + (along_y + along_z))
+impl Row<f32> {
+    /// What [`Piece::apply_leaking`] gives.
+    #[inline(always)]
+    pub(super) fn charge(&self, x: f32, around: [f32; 6]) -> f32 {
+        let Self { weights: [west, east, south, north, down, up], centre } = *self;
+        let along_x = west * (x - around[0]) + east * (x - around[1]);
+        let along_y = south * (x - around[2]) + north * (x - around[3]);
+        let along_z = down * (x - around[4]) + up * (x - around[5]);
+        centre * x + (along_x + (along_y + along_z))
     }
 }
 
 impl<T: Copy> Stencil<T> {
     /// The weights to the neighbours of one node, along x, y and z.
-    fn weights(&self, colour: usize, at: usize) -> ([T; 2], [T; 2], [T; 2]) {
+    pub(super) fn weights(&self, colour: usize, at: usize) -> [T; 6] {
         let [west, _, south, _, down, _] = self.layout.around(colour, at);
         let [x, y, z] = &self.next;
         let other = 1 - colour;
-        ([x[other][west], x[colour][at]], [y[other][south], y[colour][at]], [z[other][down], z[colour][at]])
+        [x[other][west], x[colour][at], y[other][south], y[colour][at], z[other][down], z[colour][at]]
     }
 }

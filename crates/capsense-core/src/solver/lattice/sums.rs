@@ -1,9 +1,8 @@
 //! Applying K in double precision to one plane, and all sums that are wanted of it.
 //!
-//! The energies xᵀKx have two parts. On fixed rows they are the charges of the terminals, which are added up in double
-//! precision, but only in pieces where something is held at 1 V. On free rows Kx is -r, which is small, so products with
-//! it may be rounded: with an error δ left of the energy they amount to about √δ of it, and their rounding to less than
-//! 1e-8 √δ.
+//! The energies xᵀKx have two parts. Here is that of free rows, where Kx is -r, which is small, so products with it may be
+//! rounded: with an error δ left of the energy they amount to about √δ of it, and their rounding to less than 1e-8 √δ.
+//! That of what is held at 1 V is in `held`.
 //!
 //! Sums are taken over the places of a block first, then over the blocks' places in a fixed order, then over planes.
 
@@ -28,14 +27,11 @@ pub(super) struct Sums<T> {
     /// K x of one piece, with columns as far apart as in vectors; and x in single precision.
     y: Vec<T>,
     rounded: Vec<f32>,
-    /// xᵀr, and xᵀKx over fixed rows, for all pairs s <= t of columns.
-    of_free: Vec<Partial>,
-    of_held: Vec<Partial>,
-    /// rᵀp before and after the step, Σ r², and Σ (Kx)² over rows at 1 V.
-    before: Vec<Partial>,
+    /// xᵀr for all pairs s <= t of columns.
+    products: Vec<Partial>,
+    /// rᵀp after the step, and Σ r².
     along: Vec<Partial>,
     residual: Vec<Partial>,
-    charge: Vec<Partial>,
 }
 
 /// What planes are evaluated with.
@@ -96,20 +92,17 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
             columns,
             y: vec![T::default(); layout.in_column(columns - 1, PIECE)],
             rounded: vec![0.0; columns * PIECE],
-            of_free: partial(pairs),
-            of_held: partial(pairs),
-            before: partial(columns),
+            products: partial(pairs),
             along: partial(columns),
             residual: partial(columns),
-            charge: partial(columns),
         }
     }
 
     /// Starts with a plane.
     #[inline(always)]
     pub(super) fn start(&mut self) {
-        let Self { of_free, of_held, before, along, residual, charge, .. } = self;
-        for partial in [of_free, of_held, before, along, residual, charge] {
+        let Self { products, along, residual, .. } = self;
+        for partial in [products, along, residual] {
             partial.fill([0.0; BLOCK]);
         }
     }
@@ -123,11 +116,10 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         fields: &Fields<'_, T>,
         r: &mut [f32],
         nodes: &Nodes,
-        state: &mut State,
     ) {
         self.apply(simd, of, fields, nodes);
         for link in of.links.between(nodes.colour, &nodes.places) {
-            self.apply_link(of, fields, link, nodes, state);
+            self.apply_link(of, link, nodes);
         }
         self.add_piece(simd, of, fields, r, nodes);
     }
@@ -149,26 +141,13 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         of.network.apply(simd, y, x, around, colour, nodes.places.start..nodes.places.end, columns);
     }
 
-    /// The charges at both ends of a link; what the node has of it is on the diagonal.
-    fn apply_link<K: Network<Value = T>>(
-        &mut self,
-        of: &Equations<'_, K>,
-        fields: &Fields<'_, T>,
-        link: &ObjectLink,
-        nodes: &Nodes,
-        state: &mut State,
-    ) {
-        let columns = self.columns;
-        let potentials = &of.links.potentials[link.object * columns..][..columns];
+    /// What a link to an object takes from a charge; what the node itself has of it is on the diagonal.
+    fn apply_link<K: Network<Value = T>>(&mut self, of: &Equations<'_, K>, link: &ObjectLink, nodes: &Nodes) {
+        let potentials = &of.links.potentials[link.object * self.columns..][..self.columns];
         let node = link.at - nodes.places.start;
-        for (t, &at_object) in potentials.iter().enumerate() {
-            let charge = &mut self.y[of.layout.in_column(t, node)];
+        for (column, &at_object) in potentials.iter().enumerate() {
+            let charge = &mut self.y[of.layout.in_column(column, node)];
             *charge = K::linked(*charge, link.weight, at_object);
-            let at_node = fields.x[link.colour][nodes.within(&of.layout, t).start + node].into();
-            let on_object = link.weight * (at_object - at_node);
-            for (s, &potential) in potentials.iter().enumerate() {
-                state.energies[s * columns + t] += potential * on_object;
-            }
         }
     }
 
@@ -184,42 +163,21 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         let inverse = &of.inverse[nodes.colour][nodes.places.start..nodes.places.end];
         let (x, p) = (fields.x[nodes.colour], fields.p[nodes.colour]);
         let n = nodes.places.len();
-        let (mut pair, mut is_held) = (0, false);
+        let mut pair = 0;
         for t in 0..self.columns {
             let at = nodes.within(&of.layout, t);
             let (r, p) = (&mut r[at.start..at.end], &p[at.start..at.end]);
             let rounded = &mut self.rounded[t * PIECE..t * PIECE + n];
-            add(&mut self.before[t], products(simd, p, r));
             K::round(rounded, &x[at]);
             K::round(r, &self.y[of.layout.in_column(t, 0)..of.layout.in_column(t, n)]);
-            is_held |= release(simd, r, rounded, inverse);
+            turn_into_residuals(simd, r, inverse);
             for s in 0..=t {
-                add(&mut self.of_free[pair], products(simd, &self.rounded[s * PIECE..s * PIECE + n], r));
+                add(&mut self.products[pair], products(simd, &self.rounded[s * PIECE..s * PIECE + n], r));
                 pair += 1;
             }
             add(&mut self.along[t], products(simd, p, r));
             // In double precision, as squares are too small otherwise.
             self.residual[t] = add_mixed_products(self.residual[t], r, r);
-        }
-        if is_held {
-            self.add_held(of, x, inverse, nodes);
-        }
-    }
-
-    /// What terminals hold of a piece.
-    fn add_held<K>(&mut self, of: &Equations<'_, K>, x: &[T], inverse: &[f32], nodes: &Nodes) {
-        for (i, _) in inverse.iter().enumerate().filter(|(_, inverse)| **inverse == 0.0) {
-            let mut pair = 0;
-            for t in 0..self.columns {
-                let charge: f64 = self.y[of.layout.in_column(t, i)].into();
-                for s in 0..=t {
-                    let x: f64 = x[of.layout.in_column(s, nodes.first + i)].into();
-                    self.of_held[pair][i % BLOCK] += x * charge;
-                    pair += 1;
-                }
-                let own = charge * x[of.layout.in_column(t, nodes.first + i)].into();
-                self.charge[t][i % BLOCK] += own * own;
-            }
         }
     }
 
@@ -229,31 +187,23 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         for t in 0..self.columns {
             for s in 0..=t {
                 // Charges are minus residuals.
-                let energy = total(&self.of_held[pair]) - total(&self.of_free[pair]);
-                state.energies[s * self.columns + t] += energy;
+                state.energies[s * self.columns + t] -= total(&self.products[pair]);
                 pair += 1;
             }
-            state.before[t] += total(&self.before[t]);
             state.along[t] += total(&self.along[t]);
             state.residual[t] += total(&self.residual[t]);
-            state.charge[t] += total(&self.charge[t]);
         }
     }
 }
 
-/// Turns charges into residuals: the other sign, and zero where the potential is fixed. Whether it is fixed anywhere at
-/// something else than zero.
+/// Turns charges into residuals: the other sign, and zero where the potential is fixed.
 #[inline(always)]
-fn release<S: Simd>(simd: S, r: &mut [f32], x: &[f32], inverse: &[f32]) -> bool {
-    let (x, inverse) = (S::as_simd_f32s(x).0, S::as_simd_f32s(inverse).0);
+fn turn_into_residuals<S: Simd>(simd: S, r: &mut [f32], inverse: &[f32]) {
     let zero = simd.splat_f32s(0.0);
-    let mut held = simd.splat_u32s(0);
-    for ((r, x), inverse) in S::as_mut_simd_f32s(r).0.iter_mut().zip(x).zip(inverse) {
+    for (r, inverse) in S::as_mut_simd_f32s(r).0.iter_mut().zip(S::as_simd_f32s(inverse).0) {
         let is_fixed = simd.equal_f32s(*inverse, zero);
         *r = simd.select_f32s(is_fixed, zero, simd.neg_f32s(*r));
-        held = simd.or_u32s(held, simd.transmute_u32s_f32s(simd.select_f32s(is_fixed, *x, zero)));
     }
-    simd.first_true_m32s(simd.greater_than_u32s(held, simd.splat_u32s(0))) < S::F32_LANES
 }
 
 /// a b, added up by place in a block. In single precision, so for pieces only. Every other block is added up apart, for

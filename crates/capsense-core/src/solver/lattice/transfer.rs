@@ -23,6 +23,8 @@ pub(super) struct Transfer {
     between: Vec<Between>,
     /// How threads share the coarse planes.
     coarse: Parts,
+    /// That of the fine level's vectors.
+    layout: Layout,
 }
 
 /// At most one stage for each axis.
@@ -83,6 +85,7 @@ impl Transfer {
             stages: Stages { z, y, x, pieces: pieces(&kept[0]) },
             between: vec![between; fine.parts.slabs.len()],
             coarse: Parts::new(&layout, Parts::worthwhile(&fine.layout, threads)),
+            layout: fine.layout,
         };
         (transfer, coarse)
     }
@@ -114,7 +117,7 @@ impl Transfer {
         coarse: &mut Level,
         active: &[usize],
     ) {
-        let Self { stages, between, coarse: parts } = self;
+        let Self { stages, between, coarse: parts, .. } = self;
         let (layout, slabs) = (coarse.layout, &parts.slabs);
         let vectors = cut_both(slabs, &mut coarse.b).zip(between);
         let tasks = slabs.iter().zip(vectors).map(|(part, (b, between))| Restriction {
@@ -127,6 +130,19 @@ impl Transfer {
             active,
         });
         workers.for_each(tasks, |task| arch.dispatch(task));
+    }
+
+    /// Adds bᵀMb, M the sweep of the last restriction, for all pairs s <= t of the active columns to `gains`, or a part of it.
+    pub(super) fn add_gains(&self, active: &[usize], part: f64, gains: &mut [f64]) {
+        let columns = self.layout.columns;
+        for k in self.layout.planes() {
+            let Some(descent) = self.between.iter().map(|between| &between.descent).find(|of| of.went_through(k)) else { continue };
+            for (index, &t) in active.iter().enumerate() {
+                for &s in &active[..=index] {
+                    gains[s * columns + t] += part * descent.gain(k, s, t);
+                }
+            }
+        }
     }
 
     /// Adds the interpolated coarse correction to the red nodes of the fine level, and finishes its sweep behind.

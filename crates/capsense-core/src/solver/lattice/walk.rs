@@ -40,15 +40,15 @@ impl LatticeSolver {
         self.add_states();
     }
 
-    /// One cycle, and a step by the correction of the length `scale` on its way out. Nothing where the two must be apart:
-    /// returns whether it was done.
-    pub(super) fn cycle_and_walk(&mut self) -> bool {
+    /// The second half of a cycle, and a step by the correction of the length `scale` on its way out. Nothing where the
+    /// two must be apart: returns whether it was done.
+    pub(super) fn ascend_and_walk(&mut self) -> bool {
         let Potentials::Single { x, leak, sums } = &mut self.potentials else { return false };
         let (leak, active) = (&*leak, &*self.active);
         if self.hierarchy.transfers.is_empty() {
             return false;
         }
-        self.hierarchy.correct_coarse(&self.workers, self.arch, active);
+        self.hierarchy.ascend_coarse(&self.workers, self.arch, active);
         let Hierarchy { levels, transfers, .. } = &mut self.hierarchy;
         let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) else {
             return false;
@@ -77,13 +77,8 @@ impl LatticeSolver {
     fn add_states(&mut self) {
         self.state.clear();
         self.state_of_planes[self.layout.planes()].iter().for_each(|plane| self.state.add(plane));
-        let columns = self.columns;
-        self.links.add_margin(columns, &mut self.state.energies);
-        for t in 0..columns {
-            for s in 0..t {
-                self.state.energies[t * columns + s] = self.state.energies[s * columns + t];
-            }
-        }
+        self.of_free.copy_from_slice(&self.state.energies);
+        self.add_held();
     }
 }
 
@@ -159,11 +154,10 @@ impl<K: Network> Movement<'_, K> {
 
     /// r = -K x in a piece of a plane, and sums with it.
     #[inline(always)]
-    fn evaluate<S: Simd>(&mut self, simd: S, p: [&[f32]; 2], r: &mut [f32], nodes: &Nodes, k: usize) {
+    fn evaluate<S: Simd>(&mut self, simd: S, p: [&[f32]; 2], r: &mut [f32], nodes: &Nodes) {
         let [red, black] = &self.x;
         let fields = Fields { x: [red, black], p };
-        let state = &mut self.states[k - self.part.planes.start];
-        self.sums.evaluate(simd, &self.equations, &fields, r, nodes, state);
+        self.sums.evaluate(simd, &self.equations, &fields, r, nodes);
     }
 
     /// One of the pieces of plane k.
@@ -219,7 +213,7 @@ impl<K: Network> WithSimd for Walk<'_, K> {
                 let Some(k) = evaluated else { continue };
                 if let Some(nodes) = self.movement.piece(k, piece) {
                     let Self { movement, p: [red, black], r, .. } = &mut self;
-                    movement.evaluate(simd, [red, black], r[nodes.colour], &nodes, k);
+                    movement.evaluate(simd, [red, black], r[nodes.colour], &nodes);
                 }
             }
             if let Some(k) = evaluated {
@@ -266,7 +260,7 @@ impl<K: Network> Behind for Movement<'_, K> {
             for piece in 0..self.pieces() {
                 if let Some(nodes) = self.piece(k, [piece % 2, piece / 2]) {
                     let Slab { x: [red, black], b, .. } = &mut *slab;
-                    self.evaluate(simd, [red, black], b[nodes.colour], &nodes, k);
+                    self.evaluate(simd, [red, black], b[nodes.colour], &nodes);
                 }
             }
             self.finish(k);

@@ -3,6 +3,7 @@
 //! A forward sweep that starts from zero reads only lower neighbours, and what it leaves of the residual comes only from
 //! the others. So a symmetric pair of sweeps with the residual between them reads every weight twice.
 
+use super::super::columns::add as add_double;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
 use super::transfer::Transfer;
@@ -33,8 +34,8 @@ pub(super) struct Vectors<const L: usize> {
     pub(super) b: Vec<[f32; L]>,
     /// What the rows of the border take from other blocks.
     far: Vec<[f32; L]>,
-    /// xᵀb of each block after a cycle.
-    pub(super) products: Vec<[f64; L]>,
+    /// What the forward sweep of each block gains.
+    pub(super) gains: Vec<Gains<L>>,
     /// On levels that are visited twice.
     pub(super) krylov: Option<Box<Krylov<L>>>,
 }
@@ -46,11 +47,42 @@ impl<const L: usize> Vectors<L> {
             x: vec![[0.0; L]; rows],
             b: vec![[0.0; L]; if finest { 0 } else { rows }],
             far: vec![[0.0; L]; level.pattern.border().len()],
-            products: vec![[0.0; L]; level.pattern.blocks()],
+            gains: vec![Gains::default(); level.pattern.blocks()],
             krylov: twice.then(|| Box::new(Krylov::new(rows))),
         }
     }
 }
+
+/// What a forward sweep from zero takes from the energies of all pairs of columns, bᵀ(D+L)⁻ᵀD(D+L)⁻¹b with L the lower
+/// triangle of K, and Σ b².
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Gains<const L: usize> {
+    pub(in super::super) products: [[f64; L]; L],
+    pub(in super::super) squares: [f64; L],
+}
+
+impl<const L: usize> Gains<L> {
+    pub(super) fn add(&mut self, other: &Self) {
+        self.products.iter_mut().zip(&other.products).for_each(|(sums, products)| add_double(sums, products));
+        add_double(&mut self.squares, &other.squares);
+    }
+
+    #[inline(always)]
+    fn add_products(&mut self, a: &[f32; L], b: &[f32; L]) {
+        for (sums, &a) in self.products.iter_mut().zip(a) {
+            add_single(sums, &scaled(*b, a));
+        }
+    }
+}
+
+impl<const L: usize> Default for Gains<L> {
+    fn default() -> Self {
+        Self { products: [[0.0; L]; L], squares: [0.0; L] }
+    }
+}
+
+/// Rows whose gains are added up in single precision.
+const ROWS_IN_SINGLE: usize = 64;
 
 /// The right-hand side of a row: the level's own, or what is given for the finest.
 pub(super) trait RightHandSide<const L: usize>: Sync {
@@ -98,73 +130,100 @@ impl Level {
         self.inverse.len()
     }
 
-    /// x = one forward sweep on K x = b from zero, and what it leaves of the residual summed up for the coarser level.
-    pub(super) fn sweep_forward<const L: usize>(
+    /// x = one forward sweep on K x = b from zero, and what it leaves of the residual summed up for the coarser level. On
+    /// levels that `TELL`, what it gains.
+    pub(super) fn sweep_forward<const L: usize, const TELL: bool>(
         &self,
         vectors: &mut Vectors<L>,
         coarse: Option<(&Transfer, &mut [[f32; L]])>,
         workers: &Workers,
         b: &impl RightHandSide<L>,
     ) {
-        let Vectors { x, b: own, .. } = vectors;
+        let Vectors { x, b: own, gains, .. } = vectors;
         let (size, own) = (self.pattern.block(), own.as_slice());
-        let blocks = x.chunks_mut(size).zip((0..).step_by(size));
+        let blocks = x.chunks_mut(size).zip(gains.iter_mut()).zip((0..).step_by(size));
         let Some((transfer, coarse)) = coarse else {
-            return workers.for_each(blocks, |(x, first)| {
+            return workers.for_each(blocks, |((x, gains), first)| {
                 vectorised(
                     #[inline(always)]
-                    || self.sweep_block_forward(x, first, own, b),
+                    || self.sweep_block_forward::<L, TELL>(x, gains, first, own, b),
                 );
             });
         };
-        workers.for_each(blocks.zip(transfer.cut(coarse)), |((x, first), (first_coarse, coarse))| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    self.sweep_block_forward(x, first, own, b);
-                    coarse.fill([0.0; L]);
-                    transfer.restrict(
-                        coarse,
-                        first_coarse,
-                        first..first + x.len(),
-                        #[inline(always)]
-                        |row| self.sum(self.pattern.higher(row), x, first),
-                    );
-                },
-            );
-        });
+        workers.for_each(
+            blocks.zip(transfer.cut(coarse)),
+            |(((x, gains), first), (first_coarse, coarse))| {
+                vectorised(
+                    #[inline(always)]
+                    || {
+                        self.sweep_block_forward::<L, TELL>(x, gains, first, own, b);
+                        coarse.fill([0.0; L]);
+                        transfer.restrict(
+                            coarse,
+                            first_coarse,
+                            first..first + x.len(),
+                            #[inline(always)]
+                            |row| self.sum(self.pattern.higher(row), x, first),
+                        );
+                    },
+                );
+            },
+        );
         if !self.pattern.border().is_empty() {
-            self.restrict_border(x, transfer, coarse, workers);
+            self.restrict_border::<L, TELL>(x, gains, transfer, coarse, workers);
         }
     }
 
     #[inline(always)]
-    fn sweep_block_forward<const L: usize>(
+    fn sweep_block_forward<const L: usize, const TELL: bool>(
         &self,
         x: &mut [[f32; L]],
+        gains: &mut Gains<L>,
         first: usize,
         own: &[[f32; L]],
         b: &impl RightHandSide<L>,
     ) {
         let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
-        for at in 0..x.len() {
-            let row = first + at;
-            let mut sum = b.at(own, row);
-            entries.gather(self.pattern.lower(row), x, first, &mut sum);
-            x[at] = scaled(sum, inverse[at]);
+        *gains = Gains::default();
+        for start in (0..x.len()).step_by(ROWS_IN_SINGLE) {
+            let (mut products, mut squares) = ([[0.0; L]; L], [0.0; L]);
+            for at in start..(start + ROWS_IN_SINGLE).min(x.len()) {
+                let row = first + at;
+                let given = b.at(own, row);
+                let mut sum = given;
+                entries.gather(self.pattern.lower(row), x, first, &mut sum);
+                x[at] = scaled(sum, inverse[at]);
+                if TELL {
+                    for (products, &x) in products.iter_mut().zip(&x[at]) {
+                        add_product(products, x, &sum);
+                    }
+                    let is_free = f32::from(u8::from(inverse[at] != 0.0));
+                    for lane in 0..L {
+                        squares[lane] += is_free * given[lane] * given[lane];
+                    }
+                }
+            }
+            if TELL {
+                for (sums, products) in gains.products.iter_mut().zip(&products) {
+                    add_single(sums, products);
+                }
+                add_single(&mut gains.squares, &squares);
+            }
         }
     }
 
-    /// Adds the part of the residual that comes from other blocks.
-    fn restrict_border<const L: usize>(
+    /// Adds the part of the residual that comes from other blocks, and of the gains.
+    fn restrict_border<const L: usize, const TELL: bool>(
         &self,
         x: &[[f32; L]],
+        gains: &mut [Gains<L>],
         transfer: &Transfer,
         coarse: &mut [[f32; L]],
         workers: &Workers,
     ) {
         let size = self.pattern.block();
-        workers.for_each(transfer.cut(coarse).zip((0..).step_by(size)), |((first_coarse, coarse), first)| {
+        let blocks = transfer.cut(coarse).zip(gains).zip((0..).step_by(size));
+        workers.for_each(blocks, |(((first_coarse, coarse), gains), first)| {
             vectorised(
                 #[inline(always)]
                 || {
@@ -175,7 +234,13 @@ impl Level {
                             first_coarse,
                             row..row + 1,
                             #[inline(always)]
-                            |row| self.sum(self.pattern.far(row), x, 0),
+                            |row| {
+                                let sum = self.sum(self.pattern.far(row), x, 0);
+                                if TELL {
+                                    gains.add_products(&x[row], &sum);
+                                }
+                                sum
+                            },
                         );
                     }
                 },
@@ -184,7 +249,6 @@ impl Level {
     }
 
     /// Takes over the correction of the coarser level, if there is one, and then x = one backward sweep on K x = b.
-    /// Sums up xᵀb.
     pub(super) fn sweep_backward<const L: usize>(
         &self,
         vectors: &mut Vectors<L>,
@@ -193,10 +257,10 @@ impl Level {
         b: &impl RightHandSide<L>,
     ) {
         self.collect_far(vectors, coarse, workers);
-        let Vectors { x, b: own, far, products, .. } = vectors;
+        let Vectors { x, b: own, far, .. } = vectors;
         let (size, own, far) = (self.pattern.block(), own.as_slice(), far.as_slice());
-        let tasks = x.chunks_mut(size).zip(products).zip((0..).step_by(size));
-        workers.for_each(tasks, |((x, product), first)| {
+        let tasks = x.chunks_mut(size).zip((0..).step_by(size));
+        workers.for_each(tasks, |(x, first)| {
             vectorised(
                 #[inline(always)]
                 || {
@@ -205,22 +269,16 @@ impl Level {
                     }
                     let mut border = self.border_before(first + x.len());
                     let (entries, inverse) = (self.entries(), &self.inverse[first..][..x.len()]);
-                    let mut sum = [0.0; L];
                     for at in (0..x.len()).rev() {
                         let row = first + at;
-                        let given = b.at(own, row);
-                        let mut b = given;
+                        let mut b = b.at(own, row);
                         if border > 0 && self.pattern.border()[border - 1] as usize == row {
                             border -= 1;
                             add(&mut b, &far[border]);
                         }
                         entries.gather(self.pattern.near(row), x, first, &mut b);
                         x[at] = scaled(b, inverse[at]);
-                        for lane in 0..L {
-                            sum[lane] += f64::from(given[lane]) * f64::from(x[at][lane]);
-                        }
                     }
-                    *product = sum;
                 },
             );
         });
@@ -368,6 +426,14 @@ fn scaled<const L: usize>(mut sum: [f32; L], factor: f32) -> [f32; L] {
 fn add_product<const L: usize>(sum: &mut [f32; L], weight: f32, x: &[f32; L]) {
     for lane in 0..L {
         sum[lane] += weight * x[lane];
+    }
+}
+
+/// sum += other.
+#[inline(always)]
+fn add_single<const L: usize>(sum: &mut [f64; L], other: &[f32; L]) {
+    for lane in 0..L {
+        sum[lane] += f64::from(other[lane]);
     }
 }
 

@@ -14,7 +14,8 @@ use super::columns::add;
 use super::rows::Rows;
 use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
 use coarsest::Coarsest;
-use level::{Level, Own, Residual, RightHandSide, Vectors};
+pub(super) use level::Gains;
+use level::{Level, Own, Residual, Vectors};
 use transfer::{Changes, Transfer};
 
 /// A level with no more rows is solved exactly.
@@ -37,6 +38,8 @@ pub(super) struct Hierarchy {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work<const L: usize> {
     levels: Vec<Vectors<L>>,
+    /// The second level's right-hand side, which its solution does not leave as it is.
+    restricted: Vec<[f32; L]>,
     /// zᵀKz and zᵀKp of every task.
     curvatures: Vec<[[f64; L]; 2]>,
 }
@@ -81,21 +84,40 @@ impl Hierarchy {
         }
     }
 
-    /// z = M (-kx) by one symmetric cycle, and the columns' zᵀ(-kx).
-    pub(super) fn apply<const L: usize>(
+    /// The first half of a symmetric cycle on r = -kx: all but the backward sweep of the finest level. Returns RᵀMR and
+    /// Σ r²: what the forward sweep gains, and what the coarser levels do. These are not quite symmetric.
+    pub(super) fn descend<const L: usize>(
         &self,
         kx: &[[f64; L]],
         work: &mut Work<L>,
         workers: &Workers,
-    ) -> [f64; L] {
-        let levels = &mut work.levels;
+    ) -> Gains<L> {
+        let Work { levels, restricted, .. } = work;
         for (index, level) in self.levels.iter().enumerate().skip(levels.len()) {
             levels.push(Vectors::new(level, index == 0, (1..=TWICE).contains(&index)));
         }
-        self.cycle(0, levels, workers, &Residual(kx));
-        let mut products = [0.0; L];
-        levels[0].products.iter().for_each(|product| add(&mut products, product));
-        products
+        let mut gains = Gains::default();
+        let Some((finest, coarser)) = levels.split_first_mut() else { return gains };
+        let coarse = self.transfers.first().zip(coarser.first_mut());
+        let coarse = coarse.map(|(transfer, coarse)| (transfer, coarse.b.as_mut_slice()));
+        self.levels[0].sweep_forward::<L, true>(finest, coarse, workers, &Residual(kx));
+        for block in &finest.gains {
+            gains.add(block);
+        }
+        if let Some(coarse) = coarser.first() {
+            restricted.clone_from(&coarse.b);
+            self.solve(1, coarser, workers);
+            self.transfers[0].add_gains(&coarser[0].x, restricted, &mut gains.products);
+        }
+        gains
+    }
+
+    /// z = M (-kx): the second half of the cycle.
+    pub(super) fn ascend<const L: usize>(&self, kx: &[[f64; L]], work: &mut Work<L>, workers: &Workers) {
+        let Some((finest, coarser)) = work.levels.split_first_mut() else { return };
+        let correction = self.transfers.first().zip(coarser.first());
+        let correction = correction.map(|(transfer, coarse)| (transfer, coarse.x.as_slice()));
+        self.levels[0].sweep_backward(finest, correction, workers, &Residual(kx));
     }
 
     /// zᵀKz and zᵀKp, z what the last application made.
@@ -121,25 +143,19 @@ impl Hierarchy {
         sums
     }
 
-    /// x = approximately K⁻¹ b.
-    fn cycle<const L: usize>(
-        &self,
-        index: usize,
-        levels: &mut [Vectors<L>],
-        workers: &Workers,
-        b: &impl RightHandSide<L>,
-    ) {
+    /// x = approximately K⁻¹ b on a coarse level.
+    fn cycle<const L: usize>(&self, index: usize, levels: &mut [Vectors<L>], workers: &Workers) {
         let Some((fine, coarser)) = levels.split_first_mut() else { return };
         let level = &self.levels[index];
         let mut correction = None;
         if let (Some(transfer), Some(coarse)) = (self.transfers.get(index), coarser.first_mut()) {
-            level.sweep_forward(fine, Some((transfer, &mut coarse.b)), workers, b);
+            level.sweep_forward::<L, false>(fine, Some((transfer, &mut coarse.b)), workers, &Own);
             self.solve(index + 1, coarser, workers);
             correction = Some((transfer, coarser[0].x.as_slice()));
         } else {
-            level.sweep_forward(fine, None, workers, b);
+            level.sweep_forward::<L, false>(fine, None, workers, &Own);
         }
-        level.sweep_backward(fine, correction, workers, b);
+        level.sweep_backward(fine, correction, workers, &Own);
     }
 
     /// x = approximately K⁻¹ b on a coarse level; b may change.
@@ -147,7 +163,7 @@ impl Hierarchy {
         if index + 1 == self.levels.len() && self.coarsest.solve(&mut levels[0]) {
             return;
         }
-        let cycle = |levels: &mut [Vectors<L>]| self.cycle(index, levels, workers, &Own);
+        let cycle = |levels: &mut [Vectors<L>]| self.cycle(index, levels, workers);
         match levels[0].krylov.take() {
             Some(mut krylov) => {
                 krylov.solve(&self.levels[index], levels, workers, cycle);

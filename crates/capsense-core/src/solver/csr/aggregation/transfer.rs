@@ -158,7 +158,7 @@ impl Transfer {
         b: &mut [[f32; L]],
         first: usize,
         rows: Range<usize>,
-        residual: impl Fn(usize) -> [f32; L],
+        mut residual: impl FnMut(usize) -> [f32; L],
     ) {
         for row in rows {
             if let Some(b) = b.get_mut((self.aggregate[row] as usize).wrapping_sub(first)) {
@@ -180,6 +180,17 @@ impl Transfer {
             coarse = rest;
             (ends[0] as usize, part)
         })
+    }
+
+    /// Adds what a coarse solution x gains as it is taken over, with b what it is the solution for.
+    pub(super) fn add_gains<const L: usize>(&self, x: &[[f32; L]], b: &[[f32; L]], gains: &mut [[f64; L]; L]) {
+        for (x, b) in x.iter().zip(b) {
+            for (gains, x) in gains.iter_mut().zip(x) {
+                for lane in 0..L {
+                    gains[lane] += f64::from(STRETCH * x * b[lane]);
+                }
+            }
+        }
     }
 
     /// Every member takes its aggregate's correction, stretched. The rows of x start at `first`.

@@ -1,0 +1,86 @@
+//! Charges of single nodes, with the same operations as where all fields are moved.
+
+use super::layout::{Coloured, Layout};
+use super::level::Level;
+use super::links::ObjectLinks;
+use super::potentials::Potentials;
+use super::precision::{Leaking, Network};
+
+/// Where a node is in numbers that are there once for each node, and in the first column of vectors.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub(super) colour: usize,
+    pub(super) at: usize,
+    pub(super) first: usize,
+}
+
+impl Place {
+    /// That of a node by its number, in two layouts.
+    pub(super) fn of(node: usize, of_nodes: &Layout, of_vectors: &Layout) -> Self {
+        let indices = of_nodes.indices(node);
+        let ((colour, at), (_, first)) = (of_nodes.place(indices), of_vectors.place(indices));
+        Self { colour, at, first }
+    }
+}
+
+/// Potentials and charges of one node in every column.
+#[derive(Clone, Debug)]
+pub(super) struct NodeCharges {
+    pub(super) potentials: Vec<f64>,
+    pub(super) charges: Vec<f64>,
+}
+
+impl NodeCharges {
+    pub(super) fn new(columns: usize) -> Self {
+        Self { potentials: vec![0.0; columns], charges: vec![0.0; columns] }
+    }
+
+    /// Takes those of a node. `layout` is that of vectors.
+    pub(super) fn look(
+        &mut self,
+        potentials: &Potentials,
+        finest: &Level,
+        links: &ObjectLinks,
+        node: Place,
+    ) {
+        let layout = &finest.layout;
+        match potentials {
+            Potentials::Single { x, leak, .. } => {
+                self.look_in(Leaking { stencil: &finest.stencil, leak }, x, layout, links, node);
+            }
+            Potentials::Double { x, stencil, .. } => self.look_in(&**stencil, x, layout, links, node),
+        }
+    }
+
+    fn look_in<K: Network>(
+        &mut self,
+        network: K,
+        x: &Coloured<K::Value>,
+        layout: &Layout,
+        links: &ObjectLinks,
+        Place { colour, at, first }: Place,
+    ) {
+        let row = network.row(colour, at);
+        let links_of_node = links.between(colour, &(at..at + 1));
+        let around = layout.around(colour, first);
+        let (own, other) = (&x[colour], &x[1 - colour]);
+        for (column, (potential, to)) in self.potentials.iter_mut().zip(&mut self.charges).enumerate() {
+            let shift = layout.in_column(column, 0);
+            let [a, b, c, d, e, f] = around;
+            let around = [
+                other[a + shift],
+                other[b + shift],
+                other[c + shift],
+                other[d + shift],
+                other[e + shift],
+                other[f + shift],
+            ];
+            let mut charge = K::charge(&row, own[first + shift], around);
+            for link in links_of_node {
+                let at_object = links.potentials[link.object * layout.columns + column];
+                charge = K::linked(charge, link.weight, at_object);
+            }
+            (*potential, *to) = (own[first + shift].into(), charge.into());
+        }
+    }
+}

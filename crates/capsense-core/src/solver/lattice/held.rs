@@ -1,0 +1,89 @@
+//! What terminals hold at 1 V: their charges are the part of the energies that is not of free rows, where all but a
+//! residual cancels.
+
+use super::LatticeSolver;
+use super::charges::{NodeCharges, Place};
+
+/// The nodes that are at 1 V in some column.
+#[derive(Clone, Debug)]
+pub(super) struct Held {
+    /// In the order in which they were found; no longer held, they leave with the next sum.
+    nodes: Vec<u32>,
+    is_listed: Vec<bool>,
+}
+
+impl Held {
+    pub(super) fn new(nodes: usize) -> Self {
+        Self { nodes: Vec::new(), is_listed: vec![false; nodes] }
+    }
+}
+
+impl LatticeSolver {
+    /// Looks for nodes that are held now among some.
+    pub(super) fn find_held(&mut self, fixed: &[bool], changed: &[u32]) {
+        for &node in changed {
+            let row = node as usize;
+            let is_held = fixed[row] && (0..self.columns).any(|column| self.potential(column, row) != 0.0);
+            if is_held && !std::mem::replace(&mut self.held.is_listed[row], true) {
+                self.held.nodes.push(node);
+            }
+        }
+    }
+
+    /// The energies: those of free rows, and with them what is held.
+    pub(super) fn add_held(&mut self) {
+        let columns = self.columns;
+        self.state.energies.copy_from_slice(&self.of_free);
+        self.state.charge.fill(0.0);
+        let mut nodes = std::mem::take(&mut self.held.nodes);
+        nodes.retain(|&node| {
+            let is_held = self.add_node(node as usize);
+            self.held.is_listed[node as usize] = is_held;
+            is_held
+        });
+        self.held.nodes = nodes;
+        self.add_links();
+        for t in 0..columns {
+            for s in 0..t {
+                self.state.energies[t * columns + s] = self.state.energies[s * columns + t];
+            }
+        }
+    }
+
+    /// Adds what one node holds. Returns whether it does.
+    fn add_node(&mut self, node: usize) -> bool {
+        let Self { columns, potentials, links, hierarchy, node: of_node, state, .. } = self;
+        let (columns, finest) = (*columns, &hierarchy.levels[0]);
+        let place = Place::of(node, &self.of_nodes, &self.layout);
+        if finest.stencil.centre[place.colour][place.at] != 0.0 {
+            return false;
+        }
+        of_node.look(potentials, finest, links, place);
+        let NodeCharges { potentials, charges } = &*of_node;
+        let mut is_held = false;
+        for (s, &potential) in potentials.iter().enumerate().filter(|(_, potential)| **potential != 0.0) {
+            is_held = true;
+            state.charge[s] += (potential * charges[s]).powi(2);
+            for t in s..columns {
+                state.energies[s * columns + t] += potential * charges[t];
+            }
+        }
+        is_held
+    }
+
+    /// Adds the charges that links bring to objects.
+    fn add_links(&mut self) {
+        let Self { columns, layout, potentials, links, state, .. } = self;
+        let columns = *columns;
+        for link in links.all() {
+            let of_object = &links.potentials[link.object * columns..][..columns];
+            for (t, &at_object) in of_object.iter().enumerate() {
+                let at_node = potentials.get(link.colour, layout.in_column(t, link.place));
+                let on_object = link.weight * (at_object - at_node);
+                for (s, &potential) in of_object[..=t].iter().enumerate() {
+                    state.energies[s * columns + t] += potential * on_object;
+                }
+            }
+        }
+    }
+}
