@@ -139,7 +139,9 @@ fn iterate(solver: &mut CsrSolver, iterations: usize) {
     let active = vec![true; columns];
     let mut pkp = vec![0.0; columns];
     for iteration in 0..iterations {
-        let rz = solver.precondition(&active).to_vec();
+        solver.descend(&active);
+        let rz: Vec<f64> = solver.gains().iter().step_by(columns + 1).copied().collect();
+        solver.precondition(&active);
         let rp = solver.state().along.clone();
         let (zkz, zkp) = solver.curvatures(&active);
         let (zkz, zkp) = (zkz.to_vec(), zkp.to_vec());
@@ -189,7 +191,8 @@ fn one_step_with_the_exact_inverse_leaves_rounding_errors() {
     let mut solver = scene.solver(3, Preconditioner::Direct, 1);
     scene.move_plate(0.03);
     scene.tell(&mut solver);
-    let _ = solver.precondition(&[true; 3]);
+    solver.descend(&[true; 3]);
+    solver.precondition(&[true; 3]);
     solver.step(&[1.0; 3], &[0.0; 3]);
     assert!(residual(&solver) < 1e-13, "{:e}", residual(&solver));
 }
@@ -203,14 +206,18 @@ fn linear_inverses_are_symmetric_and_all_are_positive() {
         let CsrSolver::Four(mut solver) = scene.solver(3, preconditioner, 1) else { unreachable!() };
         let noise = |row: usize| [0.3, 0.7, 1.1, 1.9].map(|factor| (factor * row as f64).sin());
         let kx: Vec<[f64; 4]> = (0..solver.rows.len()).map(noise).collect();
-        let products = solver.inverse.apply(0, &solver.rows, &kx, &solver.workers);
-        assert!(products.iter().all(|&product| product > 0.0), "{preconditioner:?}: {products:?}");
+        let gains = solver.inverse.descend(0, &solver.rows, &kx, &solver.workers).gains;
+        solver.inverse.ascend(0, &kx, &solver.workers);
         let z: Vec<[f64; 4]> = match solver.inverse.preconditioned(0) {
             Preconditioned::Single(z) => z.iter().map(|z| z.map(f64::from)).collect(),
             Preconditioned::Double(z) => z.clone(),
             Preconditioned::Work(work) => work.solution().iter().map(|z| z.map(f64::from)).collect(),
         };
         let product = |a: usize, b: usize| -> f64 { kx.iter().zip(&z).map(|(kx, z)| kx[a] * z[b]).sum() };
+        for (lane, gains) in gains.iter().enumerate() {
+            let own = -product(lane, lane);
+            assert!(own > 0.0 && (gains[lane] / own - 1.0).abs() < 1e-4, "{preconditioner:?}: {gains:?} {own}");
+        }
         let asymmetry = (product(0, 1) - product(1, 0)).abs() / (product(0, 0) * product(1, 1)).sqrt();
         // The multigrid is not quite linear.
         let allowed = if preconditioner == Preconditioner::Multigrid { 1e-2 } else { 1e-5 };
@@ -264,7 +271,8 @@ fn moving_in_steps_is_moving_at_once() {
         }
         at_once.refresh(&scene.matrix, &scene.fixed(), everything);
         for solver in [&mut stepwise, &mut at_once] {
-            let _ = solver.precondition(&[true; 3]);
+            solver.descend(&[true; 3]);
+            solver.precondition(&[true; 3]);
         }
         for column in 0..3 {
             let rows = scene.holders.len();
@@ -299,9 +307,11 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     // The charges on the electrodes must have reached the body.
     iterate(&mut solver, 10);
     let push: f64 = body().map(|node| -solver.charge(0, node)).sum();
-    let without = solver.precondition(&[true; 2])[0];
+    solver.descend(&[true; 2]);
+    let without = solver.gains()[0];
     solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
-    let with = solver.precondition(&[true; 2])[0];
+    solver.descend(&[true; 2]);
+    let with = solver.gains()[0];
     let expected = push * push / stiffness;
     assert!(((with - without) / expected - 1.0).abs() < 1e-3, "{with} {without} {expected}");
 }
@@ -329,12 +339,14 @@ fn islands_in_islands_are_solved_for_exactly() {
         scene.matrix.diagonal(node) * expected[node] - around.sum::<f64>()
     };
     let mut found = vec![0.0; expected.len()];
-    let product = islands.correct(charge, |node, shift| {
-        found[node as usize] += shift;
-        shift
-    });
+    islands.correct(charge, |node, shift| found[node as usize] += shift);
+    // In a second column, twice as much of the same.
+    let mut gains = [0.0; 4];
+    islands.add_gains(|node, column| [1.0, 2.0][column] * charge(node), &[0, 1], 2, &mut gains);
     let energy: f64 = expected.iter().zip(0..).map(|(x, node)| x * charge(node)).sum();
-    assert!((product / energy - 1.0).abs() < 1e-9, "{product} {energy}");
+    for (gain, factor) in gains.into_iter().zip([1.0, 2.0, 0.0, 4.0]) {
+        assert!((gain / energy - factor).abs() < 1e-9, "{gain} {energy}");
+    }
     for (found, expected) in found.iter().zip(&expected) {
         assert!((found - expected).abs() < 1e-6, "{found} {expected}");
     }
@@ -386,7 +398,7 @@ fn incomplete_factors_are_those_of_the_matrix_in_any_form() {
     let kx: Vec<[f64; 4]> = (0..solver.rows.len()).map(|row| [(0.3 * row as f64).sin(); 4]).collect();
     let mut expected = kx.clone();
     factors.solve(&kx, &mut expected);
-    let _ = solver.inverse.apply(0, &solver.rows, &kx, &solver.workers);
+    let _ = solver.inverse.descend(0, &solver.rows, &kx, &solver.workers);
     let Preconditioned::Double(z) = solver.inverse.preconditioned(0) else { unreachable!() };
     for (row, (z, expected)) in z.iter().zip(&expected).enumerate() {
         let expected = if fixed[row] { 0.0 } else { -expected[0] };
@@ -416,6 +428,25 @@ fn a_column_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
     assert_eq!(shared.state().energies, alone.state().energies);
 }
 
+/// The energies follow every potential that is set and every row that changes.
+#[test]
+fn energies_are_those_of_the_fields_before_any_step() {
+    let mut scene = Scene::new(5_000);
+    for columns in [3, 10] {
+        let mut solver = scene.solver(columns, Preconditioner::Multigrid, 1);
+        iterate(&mut solver, 3);
+        for height in [0.031, 0.0305, 0.0304, 0.05] {
+            scene.move_plate(height);
+            scene.tell(&mut solver);
+            let followed = solver.state().energies.clone();
+            solver.evaluate();
+            for (followed, expected) in followed.iter().zip(&solver.state().energies) {
+                assert!((followed - expected).abs() < 1e-12 * solver.state().energies[0], "{height}");
+            }
+        }
+    }
+}
+
 /// Inside it the potential is nearly constant and nearly free: the direction that an iteration finds last.
 #[test]
 fn a_body_that_nearly_floats_takes_few_iterations() {
@@ -441,7 +472,8 @@ fn an_indefinite_matrix_shows() {
     let free = solver.rows.fixed().iter().position(|fixed| !fixed).unwrap();
     solver.rows.set_diagonal(free, -1.0);
     solver.inverse.refresh(&solver.rows);
-    assert!(solver.precondition().iter().all(|&product| product < 0.0));
+    solver.descend();
+    assert!(solver.gains.iter().step_by(3).all(|&gain| gain < 0.0));
 }
 
 #[test]
