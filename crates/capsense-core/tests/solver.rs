@@ -12,7 +12,7 @@ use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use capsense_core::stiffness::EdgeNetwork;
-use common::{DOMAIN, EXACT, bar, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
+use common::{DOMAIN, EXACT, bar, both, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
 
 fn materials() -> Vec<Material> {
     let weak = Material::Dielectric(RelativePermittivity::new(4.0).unwrap());
@@ -232,6 +232,31 @@ fn frames_that_cannot_matter_are_skipped() {
         // What happens nearby is never skipped.
         let near = depth_of_boxes([80, 80], &[bar(0.02, 0.0), bar(0.33, -0.1), bar(0.4, 0.1)]);
         assert!(!simulator.step(&near).unwrap().solve.skipped);
+    }
+}
+
+/// Most frames of a smooth motion need no new fields: what these would take from the capacitances is seen before.
+#[test]
+fn capacitances_are_known_before_fields_move() {
+    let options = SolverOptions { tolerance: 1e-4, ..SolverOptions::default() };
+    for sensor in both(stripes_sensor(12_000)) {
+        let materials = vec![Material::Conductor(Connection::Grounded)];
+        let mut truth = Simulator::new(sensor.clone(), materials.clone(), EXACT).unwrap();
+        let mut simulator = Simulator::new(sensor, materials, options).unwrap();
+        let mut foreseen = Vec::new();
+        for frame in 0..60 {
+            let before = simulator.capacitance().get(0, 0);
+            let depth = depth_of_boxes([80, 80], &[bar(0.05 - 4e-4 * f64::from(frame), 0.0)]);
+            let report = simulator.step(&depth).unwrap().solve;
+            let _ = truth.step(&depth).unwrap();
+            if report.iterations == 0 && !report.skipped {
+                assert!(report.relative_error <= options.tolerance && report.residual > 0.0);
+                assert_ne!(simulator.capacitance().get(0, 0), before, "frame {frame}");
+                foreseen.push(error(&simulator, &truth));
+            }
+        }
+        let above = foreseen.iter().filter(|error| **error > options.tolerance).count();
+        assert!(foreseen.len() > 20 && above == 0, "{foreseen:?}");
     }
 }
 

@@ -60,7 +60,6 @@ impl FieldSolver {
         let threads =
             options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         let workers = Workers::new(threads, matrix.nodes());
-        let foresees = options.preconditioner == Preconditioner::Multigrid;
         let vectors = match matrix.network().edges() {
             Edges::Lattice(lattice) if matrix.is_lattice() => {
                 let fields = LatticeSolver::new(lattice, columns, objects, fixed, workers.clone());
@@ -74,7 +73,7 @@ impl FieldSolver {
         Self {
             vectors,
             workers,
-            iteration: ConjugateGradients::new(columns, rule, foresees),
+            iteration: ConjugateGradients::new(columns, rule),
             residual_is_lost: true,
             columns,
             bracket: Bracket::new(columns),

@@ -5,6 +5,8 @@
 //! capacitances are known as soon as what is not known of that ratio does not matter, and fields need not follow a scene
 //! step by step: they do so when more has gathered than can be foreseen.
 
+use super::energy_error::is_large;
+
 /// The first cycle meets what the scene did, later ones what the steps before them left over.
 const KINDS: usize = 3;
 
@@ -18,6 +20,18 @@ const FADING: f64 = 0.9;
 /// So many ratios at least, as far as they have not faded, must have been seen.
 const ENOUGH: f64 = 2.5;
 
+/// Ratios are seen when there is much to shed. Where less is told than usual, more of it may be in directions that cycles
+/// tell little of: the error grows with this power of how much less it is, up to a factor.
+const GROWTH: [f64; KINDS] = [1.0, 0.5, 0.5];
+const MOST_UNUSUAL: [f64; KINDS] = [3.0, 3.0, 3.0];
+
+/// A cycle that tells of more than this part of the energy comes after a jump, and is not like others.
+const LARGE: f64 = 3e-2;
+
+/// So many solves in a row may do without a step: of directions that the preconditioner knows badly a cycle tells little,
+/// however much gathers there.
+const IN_A_ROW: usize = 3;
+
 /// A solve shows a ratio if the rest that is only estimated is no more than this part of what was shed.
 const KNOWN: f64 = 0.1;
 
@@ -30,6 +44,12 @@ pub(super) struct Foresight {
     /// In the solve under way: for each kind of cycle what it told of each column, and what has been shed since.
     told: Vec<f64>,
     shed: Vec<f64>,
+    /// What is to be taken from the energies of all pairs of columns in the end, and how exact that makes those of single
+    /// ones, in relation to them, where it was foreseen.
+    corrections: Vec<f64>,
+    errors: Vec<Option<f64>>,
+    /// Solves since one that took a step.
+    since_step: usize,
 }
 
 /// Moments of the ratios that were seen.
@@ -38,43 +58,102 @@ struct Seen {
     weight: f64,
     mean: f64,
     variance: f64,
-    /// The mean of what cycles told.
-    told: f64,
+    /// The mean logarithm of what cycles told.
+    size: f64,
 }
 
 /// The part of what a cycle tells that is to come, and by how much it may be more or less.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Expected {
-    pub(super) ratio: f64,
-    pub(super) error: f64,
+struct Expected {
+    ratio: f64,
+    error: f64,
 }
 
 impl Foresight {
     pub(super) fn new(columns: usize) -> Self {
         let zeros = vec![0.0; KINDS * columns];
-        Self { columns, ratios: vec![Seen::default(); KINDS * columns], told: zeros.clone(), shed: zeros }
+        Self {
+            columns,
+            ratios: vec![Seen::default(); KINDS * columns],
+            told: zeros.clone(),
+            shed: zeros,
+            corrections: vec![0.0; columns * columns],
+            errors: vec![None; columns],
+            since_step: 0,
+        }
     }
 
     /// Begins a solve.
     pub(super) fn start(&mut self) {
         self.told.fill(0.0);
         self.shed.fill(0.0);
+        self.corrections.fill(0.0);
+        self.errors.fill(None);
+    }
+
+    /// Takes what a cycle after so many steps tells: RᵀMR, all pairs of columns.
+    pub(super) fn note(&mut self, steps: usize, gains: &[f64]) {
+        if steps < KINDS {
+            let own = gains.iter().step_by(self.columns + 1);
+            self.told[steps * self.columns..].iter_mut().zip(own).for_each(|(told, gain)| *told = *gain);
+        }
+    }
+
+    /// Whether what a cycle after so many steps has told of the active columns is enough; then it is taken over. `energies`
+    /// are those of the fields, and `allowed` gives the relative error that is allowed of a column's.
+    pub(super) fn is_enough(
+        &mut self,
+        steps: usize,
+        active: &[bool],
+        gains: &[f64],
+        energies: &[f64],
+        allowed: impl Fn(usize, f64) -> f64,
+    ) -> bool {
+        if steps == 0 && self.since_step >= IN_A_ROW {
+            return false;
+        }
+        let columns = self.columns;
+        let columns_active = || (0..columns).filter(|&column| active[column]);
+        for column in columns_active() {
+            let own = column * columns + column;
+            let Some(expected) = self.expected(steps, column, gains[own]) else { return false };
+            let left = energies[own] - expected.ratio * gains[own];
+            let error = expected.error * gains[own] / left;
+            let is_exact = error <= allowed(column, left);
+            if is_large(energies[own] - left, energies[own]) || !is_exact {
+                return false;
+            }
+        }
+        for s in columns_active() {
+            let Some(of_s) = self.expected(steps, s, gains[s * columns + s]) else { return false };
+            for t in columns_active() {
+                let Some(of_t) = self.expected(steps, t, gains[t * columns + t]) else { return false };
+                let ratio = f64::midpoint(of_s.ratio, of_t.ratio);
+                self.corrections[s * columns + t] = ratio * gains[s * columns + t];
+            }
+            let own = s * columns + s;
+            self.errors[s] = Some(of_s.error * gains[own] / (energies[own] - self.corrections[own]));
+        }
+        true
+    }
+
+    /// What is to be taken from the energies of the fields, all pairs of columns.
+    pub(super) fn corrections(&self) -> &[f64] {
+        &self.corrections
+    }
+
+    /// How exact that makes the energy of one column, in relation to it, if it was foreseen.
+    pub(super) fn error(&self, column: usize) -> Option<f64> {
+        self.errors[column]
     }
 
     /// What to expect of a column's cycle after so many steps; `None` when none like it was seen.
-    pub(super) fn expected(&self, steps: usize, column: usize, told: f64) -> Option<Expected> {
+    fn expected(&self, steps: usize, column: usize, told: f64) -> Option<Expected> {
         let kind = steps.min(KINDS - 1);
-        let Seen { weight, mean, variance, told: usual } = self.ratios[kind * self.columns + column];
-        let unusual = if told < usual { (usual / told).sqrt() } else { 1.0 };
+        let Seen { weight, mean, variance, size } = self.ratios[kind * self.columns + column];
+        let unusual = (GROWTH[kind] * (size - told.ln())).exp().clamp(1.0, MOST_UNUSUAL[kind]);
         let error = unusual * (CAUTION[kind] * variance.sqrt()).max(LEAST[kind] * mean);
         (weight >= ENOUGH).then_some(Expected { ratio: mean, error })
-    }
-
-    /// Takes what a cycle after so many steps tells of one column.
-    pub(super) fn note(&mut self, steps: usize, column: usize, told: f64) {
-        if steps < KINDS {
-            self.told[steps * self.columns + column] = told;
-        }
     }
 
     /// A step after so many others has shed so much of a column's energy.
@@ -84,24 +163,120 @@ impl Foresight {
         }
     }
 
-    /// One column is done: so much is left of its energy, known to so much.
-    pub(super) fn finish(&mut self, column: usize, energy: f64, rest: f64, error: f64) {
-        for kind in 0..KINDS {
-            let at = kind * self.columns + column;
-            let (told, shed) = (self.told[at], self.shed[at]);
-            if told > 0.0 && shed > 0.0 && error <= KNOWN * shed && told <= 3e-2 * energy {
-                self.learn(at, told, (shed + rest) / told);
+    /// Ends a solve of so many steps, and learns from it. `energies` are those of the fields in the end, `left` tells what
+    /// part of its energy a column still has to shed at most, if that was not foreseen.
+    pub(super) fn finish(&mut self, steps: usize, energies: &[f64], left: impl Fn(usize) -> f64) {
+        if steps == 0 {
+            self.since_step += 1;
+            return;
+        }
+        self.since_step = 0;
+        for column in 0..self.columns {
+            let own = column * self.columns + column;
+            let (rest, error) = match self.errors[column] {
+                Some(error) => (self.corrections[own], error * energies[own]),
+                None => [0.5 * left(column) * energies[own]; 2].into(),
+            };
+            for kind in 0..KINDS {
+                let at = kind * self.columns + column;
+                let (told, shed) = (self.told[at], self.shed[at]);
+                if told > 0.0 && shed > 0.0 && error <= KNOWN * shed && told <= LARGE * energies[own] {
+                    self.learn(at, told, (shed + rest) / told);
+                }
             }
         }
     }
 
     fn learn(&mut self, at: usize, told: f64, ratio: f64) {
-        let Seen { weight, mean, variance, told: usual } = &mut self.ratios[at];
+        let Seen { weight, mean, variance, size } = &mut self.ratios[at];
         *weight = FADING * *weight + 1.0;
         let away = ratio - *mean;
         let part = 1.0 / *weight;
         *mean += part * away;
-        *usual += part * (told - *usual);
+        *size += part * (told.ln() - *size);
         *variance = (1.0 - part) * (*variance + part * away * away);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// After solves of one column in which a step after the first cycle shed these parts of what it told.
+    fn seen(told: f64, ratios: &[f64]) -> Foresight {
+        let mut foresight = Foresight::new(1);
+        for ratio in ratios {
+            foresight.start();
+            foresight.note(0, &[told]);
+            foresight.shed(0, 0, ratio * told);
+            foresight.finish(1, &[1.0], |_| 0.0);
+        }
+        foresight
+    }
+
+    #[test]
+    fn what_was_seen_is_expected_again() {
+        assert_eq!(seen(1e-3, &[1.2, 1.2]).expected(0, 0, 1e-3), None);
+        let Expected { ratio, error } = seen(1e-3, &[1.2; 5]).expected(0, 0, 1e-3).unwrap();
+        assert!((ratio - 1.2).abs() < 1e-12 && (error - LEAST[0] * 1.2).abs() < 1e-12, "{ratio} {error}");
+        // Nothing was seen of cycles after a step.
+        assert_eq!(seen(1e-3, &[1.2; 5]).expected(1, 0, 1e-3), None);
+    }
+
+    #[test]
+    fn the_less_alike_ratios_are_and_the_less_is_told_the_less_is_known() {
+        let error = |ratios: &[f64], told: f64| seen(1e-3, ratios).expected(0, 0, told).unwrap().error;
+        let apart = error(&[0.9, 1.3, 1.0, 1.4, 0.8], 1e-3);
+        // Their standard deviation is 0.25 or so.
+        assert!(apart > 0.5 && apart < 0.8, "{apart}");
+        assert!((error(&[1.0; 5], 5e-4) / error(&[1.0; 5], 1e-3) - 2.0).abs() < 1e-9);
+        assert!((error(&[1.0; 5], 1e-9) / error(&[1.0; 5], 1e-3) - MOST_UNUSUAL[0]).abs() < 1e-9);
+    }
+
+    /// Two columns, of which one may be done already.
+    #[test]
+    fn what_is_told_is_taken_from_the_energies_if_it_is_told_exactly_enough() {
+        let mut foresight = Foresight::new(2);
+        for _ in 0..5 {
+            foresight.start();
+            foresight.note(0, &[1e-3, 0.0, 0.0, 1e-3]);
+            (0..2).for_each(|column| foresight.shed(0, column, 1e-3));
+            foresight.finish(1, &[1.0, 0.0, 0.0, 1.0], |_| 0.0);
+        }
+        let (gains, energies) = ([1e-3, -4e-4, -4e-4, 2e-3], [1.0, -0.3, -0.3, 1.0]);
+        let mut look = |active: [bool; 2], allowed: f64| {
+            foresight.start();
+            let enough = foresight.is_enough(0, &active, &gains, &energies, |_, _| allowed);
+            (enough, foresight.corrections().to_vec(), [0, 1].map(|column| foresight.error(column)))
+        };
+        let none = [0.0; 4].to_vec();
+        assert_eq!(look([true; 2], 1e-5), (false, none, [None; 2]));
+        let (enough, corrections, errors) = look([true; 2], 1e-3);
+        assert!(
+            enough && corrections.iter().zip(gains).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{corrections:?}"
+        );
+        assert!((errors[1].unwrap() / (LEAST[0] * 2e-3) - 1.0).abs() < 0.01, "{errors:?}");
+        let (enough, corrections, errors) = look([true, false], 1e-3);
+        assert!(enough && corrections[1..] == [0.0; 3] && errors[1].is_none(), "{corrections:?} {errors:?}");
+        // Fields may not stand still for ever.
+        for _ in 0..IN_A_ROW {
+            foresight.finish(0, &energies, |_| 0.0);
+        }
+        assert!(!foresight.is_enough(0, &[true; 2], &gains, &energies, |_, _| 1e-3));
+    }
+
+    /// After a jump the fields are another's, and a rest that is a guess would make the ratio one.
+    #[test]
+    fn jumps_and_solves_that_stopped_early_teach_nothing() {
+        assert_eq!(seen(0.1, &[1.2; 5]).expected(0, 0, 0.1), None);
+        let mut foresight = Foresight::new(1);
+        for _ in 0..5 {
+            foresight.start();
+            foresight.note(0, &[1e-3]);
+            foresight.shed(0, 0, 1e-3);
+            foresight.finish(1, &[1.0], |_| 4e-4);
+        }
+        assert_eq!(foresight.expected(0, 0, 1e-3), None);
     }
 }

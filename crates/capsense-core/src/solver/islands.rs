@@ -167,7 +167,8 @@ impl Islands {
         for (index, (&t, of_t)) in active.iter().zip(of_columns.clone()).enumerate() {
             for (&s, of_s) in active[..=index].iter().zip(of_columns.clone()) {
                 let products = self.islands.iter().zip(of_s.iter().zip(of_t));
-                gains[s * columns + t] += products.map(|(island, (s, t))| s * t / island.stiffness).sum::<f64>();
+                gains[s * columns + t] +=
+                    products.map(|(island, (s, t))| s * t / island.stiffness).sum::<f64>();
             }
         }
     }

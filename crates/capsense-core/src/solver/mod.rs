@@ -71,7 +71,9 @@ impl SolverOptions {
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveReport {
-    /// Number of iterations; all terminals advance together.
+    /// Number of steps that the fields took; all terminals advance together. None if the frame was skipped, and none if
+    /// it was seen before any step how much they would take from the capacitances: then [`SolveReport::relative_error`]
+    /// is that of what was foreseen, and fields follow in a later frame.
     pub iterations: usize,
     /// Estimated relative error of the self-capacitances, the largest over all terminals.
     pub relative_error: f64,

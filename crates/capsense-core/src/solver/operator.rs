@@ -23,8 +23,9 @@ pub(super) trait Operator {
     /// What [`Operator::descend`] told last.
     fn gains(&self) -> &[f64];
 
-    /// Whether there are bodies of very high permittivity, which M knows only roughly how to move.
-    fn has_islands(&self) -> bool;
+    /// Whether gains are told of all pairs, after so many steps, by an M that leaves little to guess. Where there are bodies
+    /// of very high permittivity, a step may leave much that it does not know of.
+    fn foretells(&self, steps: usize) -> bool;
 
     /// z = M r, after [`Operator::descend`].
     fn precondition(&mut self, active: &[bool]);
@@ -57,18 +58,11 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(columns: usize) -> Self {
         let zeros = || vec![0.0; columns];
-        Self {
-            energies: vec![0.0; columns * columns],
-            along: zeros(),
-            residual: zeros(),
-            charge: zeros(),
-        }
+        Self { energies: vec![0.0; columns * columns], along: zeros(), residual: zeros(), charge: zeros() }
     }
 
     pub(super) fn clear(&mut self) {
-        for sums in
-            [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge]
-        {
+        for sums in [&mut self.energies, &mut self.along, &mut self.residual, &mut self.charge] {
             sums.fill(0.0);
         }
     }

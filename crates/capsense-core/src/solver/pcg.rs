@@ -6,7 +6,7 @@
 //! the residual is recomputed after every step: pᵀKp is what r·p falls by.
 
 use super::demand::Demand;
-use super::energy_error::{EnergyError, ErrorRule, Step, is_large};
+use super::energy_error::{EnergyError, ErrorRule, Step};
 use super::foresight::Foresight;
 use super::operator::Operator;
 use super::{SolveError, SolveReport, SolverOptions};
@@ -20,10 +20,6 @@ const UNRELIABLE: f64 = 0.1;
 /// Squared residuals below this part of the squared charges are gone.
 const GONE: f64 = 1e-24;
 
-/// So many solves in a row may do without a step: of directions that the preconditioner knows badly a cycle tells little,
-/// however much gathers there.
-const FORESEEN_IN_A_ROW: usize = 3;
-
 /// Lengths of first steps that may be used again.
 const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 
@@ -31,16 +27,7 @@ const USUAL_LENGTHS: std::ops::RangeInclusive<f64> = 0.5..=2.0;
 #[derive(Clone, Debug)]
 pub(crate) struct ConjugateGradients {
     error: EnergyError,
-    /// For preconditioners that leave little to guess.
-    foresight: Option<Foresight>,
-    /// What is to be taken from the energies of all pairs of columns, and how exact that makes those of single ones in
-    /// relation to them, where this is told by what was foreseen.
-    corrections: Vec<f64>,
-    foreseen: Vec<Option<f64>>,
-    /// What is left of the energy of each column in relation to what a cycle tells.
-    ratios: Vec<f64>,
-    /// Solves since one that took a step.
-    since_step: usize,
+    foresight: Foresight,
     /// The length of each column's first step that would have been best.
     lengths: Vec<f64>,
     active: Vec<bool>,
@@ -54,15 +41,11 @@ pub(crate) struct ConjugateGradients {
 }
 
 impl ConjugateGradients {
-    pub(crate) fn new(columns: usize, rule: ErrorRule, foresees: bool) -> Self {
+    pub(crate) fn new(columns: usize, rule: ErrorRule) -> Self {
         let zeros = || vec![0.0; columns];
         Self {
             error: EnergyError::new(rule, columns),
-            foresight: foresees.then(|| Foresight::new(columns)),
-            corrections: vec![0.0; columns * columns],
-            foreseen: vec![None; columns],
-            ratios: zeros(),
-            since_step: 0,
+            foresight: Foresight::new(columns),
             lengths: zeros(),
             active: vec![true; columns],
             a: zeros(),
@@ -95,14 +78,11 @@ impl ConjugateGradients {
                 });
             }
             fields.descend(&self.active);
-            self.rz.iter_mut().zip(fields.gains().iter().step_by(self.active.len() + 1)).for_each(|(rz, gain)| *rz = *gain);
+            let own = fields.gains().iter().step_by(self.active.len() + 1);
+            self.rz.iter_mut().zip(own).for_each(|(rz, gain)| *rz = *gain);
             self.check(iterations)?;
             if !self.active.contains(&true) {
-                if iterations == 0 {
-                    // Nothing to improve, but rows may have changed since the energies were summed.
-                    fields.evaluate();
-                    demand.update(&fields.state().energies);
-                }
+                demand.update(&fields.state().energies);
                 self.check_exhausted(fields, demand, options, iterations)?;
                 break;
             }
@@ -118,9 +98,12 @@ impl ConjugateGradients {
                 *active = !self.error.is_below(column, allowed);
             }
         }
-        let relative_error = self.worst(demand);
-        self.finish(fields, iterations);
-        let state = fields.state();
+        let (relative_error, state) = (self.worst(demand), fields.state());
+        self.foresight
+            .finish(iterations, &state.energies, |column| self.error.relative(column).unwrap_or(1.0));
+        if iterations > 0 {
+            self.error.finish();
+        }
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
         let residual = ratios.map(|(free, held)| (free.max(0.0) / held).sqrt()).fold(0.0, f64::max);
         Ok(SolveReport { iterations, relative_error, residual, skipped: false })
@@ -129,11 +112,7 @@ impl ConjugateGradients {
     fn start(&mut self) {
         self.active.fill(true);
         self.error.start();
-        self.corrections.fill(0.0);
-        self.foreseen.fill(None);
-        if let Some(foresight) = &mut self.foresight {
-            foresight.start();
-        }
+        self.foresight.start();
     }
 
     /// One step.
@@ -150,74 +129,22 @@ impl ConjugateGradients {
         self.record(fields, iteration, exact)
     }
 
-    /// Whether what the first half of a cycle has told is enough. If so, it is noted.
+    /// Whether what the first half of a cycle has told is enough.
     fn foresees_enough(
         &mut self,
-        fields: &mut impl Operator,
+        fields: &impl Operator,
         demand: &mut Demand,
         options: &SolverOptions,
         steps: usize,
     ) -> bool {
-        let columns = self.active.len();
-        let Some(foresight) = &mut self.foresight else { return false };
-        for column in 0..columns {
-            foresight.note(steps, column, self.rz[column]);
-        }
-        if steps == 0 {
-            demand.update(&fields.state().energies);
-        }
-        if self.error.is_learning()
-            || steps > 0 && fields.has_islands()
-            || steps == 0 && self.since_step >= FORESEEN_IN_A_ROW
-        {
+        let (gains, energies) = (fields.gains(), &fields.state().energies);
+        self.foresight.note(steps, gains);
+        if self.error.is_learning() || !fields.foretells(steps) {
             return false;
         }
-        let energies = &fields.state().energies;
-        let enough = (0..columns).filter(|&column| self.active[column]).all(|column| {
-            let (told, energy) = (self.rz[column], energies[column * columns + column]);
-            let Some(expected) = foresight.expected(steps, column, told) else { return false };
-            let left = energy - expected.ratio * told;
-            let error = expected.error * told / left;
-            self.foreseen[column] = Some(error);
-            self.ratios[column] = expected.ratio;
-            !is_large(energy - left, energy) && error <= demand.allowed(column, left, options)
-        });
-        if !enough {
-            self.foreseen.fill(None);
-            return false;
-        }
-        let gains = fields.gains();
-        for s in (0..columns).filter(|&s| self.active[s]) {
-            for t in (0..columns).filter(|&t| self.active[t]) {
-                let ratio = f64::midpoint(self.ratios[s], self.ratios[t]);
-                self.corrections[s * columns + t] = ratio * gains[s * columns + t];
-            }
-        }
-        true
-    }
-
-    /// Learns from the solve.
-    fn finish(&mut self, fields: &impl Operator, steps: usize) {
-        if steps == 0 {
-            self.since_step += 1;
-            return;
-        }
-        self.since_step = 0;
-        self.error.finish();
-        let Some(foresight) = &mut self.foresight else { return };
-        let columns = self.active.len();
-        for (column, foreseen) in self.foreseen.iter().enumerate() {
-            let own = column * columns + column;
-            let energy = fields.state().energies[own];
-            let (rest, error) = match foreseen {
-                Some(error) => (self.corrections[own], error * energy),
-                None => {
-                    let most = self.error.relative(column).unwrap_or(1.0) * energy;
-                    (0.5 * most, 0.5 * most)
-                }
-            };
-            foresight.finish(column, energy, rest, error);
-        }
+        demand.update(energies);
+        let allowed = |column: usize, energy: f64| demand.allowed(column, energy, options);
+        self.foresight.is_enough(steps, &self.active, gains, energies, allowed)
     }
 
     /// Where r·z is zero there is nothing more to gain: either the residual is gone, or rounding has made z worthless.
@@ -254,12 +181,12 @@ impl ConjugateGradients {
 
     /// The estimated relative error that the last solve left of one column.
     pub(crate) fn relative_error(&self, column: usize) -> f64 {
-        self.foreseen[column].unwrap_or_else(|| self.error.relative(column).unwrap_or(1.0))
+        self.foresight.error(column).or_else(|| self.error.relative(column)).unwrap_or(1.0)
     }
 
     /// What is to be taken from the energies of the fields, all pairs of columns.
     pub(crate) fn corrections(&self) -> &[f64] {
-        &self.corrections
+        self.foresight.corrections()
     }
 
     /// The largest estimate over all columns of what their errors make of capacitances; all of it where nothing can be
@@ -351,9 +278,7 @@ impl ConjugateGradients {
             let drop = before * best;
             let excess = if reliable { after * after / curvature } else { energy };
             self.error.record(column, Step { drop, excess, energy, length: drop / self.rz[column] });
-            if let Some(foresight) = &mut self.foresight {
-                foresight.shed(iteration, column, drop - excess);
-            }
+            self.foresight.shed(iteration, column, drop - excess);
         }
         self.error.advance();
         Ok(())

@@ -138,6 +138,11 @@ impl<const L: usize> Inverse<L> {
         !matches!(self.kind, Kind::Direct(_))
     }
 
+    /// Whether [`Inverse::descend`] is half a cycle.
+    pub(super) fn is_multigrid(&self) -> bool {
+        matches!(self.kind, Kind::Aggregation(_))
+    }
+
     /// z of one group where it is not exact.
     pub(super) fn approximate_mut(&mut self, group: usize) -> Option<Approximate<'_, L>> {
         match (&self.kind, &mut self.preconditioned[group]) {

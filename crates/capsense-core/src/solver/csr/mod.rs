@@ -51,9 +51,10 @@ pub(crate) struct Solver<const L: usize> {
     islands: Islands,
     workers: Workers,
     state: State,
-    /// Products of each column: zᵀr, or zᵀKz and zᵀKp.
-    products: [Vec<f64>; 2],
+    /// RᵀMR of all pairs of columns; with several groups only of pairs in one.
     gains: Vec<f64>,
+    /// zᵀKz and zᵀKp of each column.
+    products: [Vec<f64>; 2],
     /// Rows in which K x is not what K and x say.
     stale: Stale,
 }
@@ -166,8 +167,8 @@ impl Operator for CsrSolver {
         for_width!(self, of => &of.gains)
     }
 
-    fn has_islands(&self) -> bool {
-        for_width!(self, of => !of.islands.is_empty())
+    fn foretells(&self, steps: usize) -> bool {
+        for_width!(self, of => of.foretells(steps))
     }
 
     fn precondition(&mut self, _active: &[bool]) {
@@ -309,6 +310,11 @@ impl<const L: usize> Solver<L> {
         }
     }
 
+    fn foretells(&self, steps: usize) -> bool {
+        let knows_pairs = self.groups.len() == 1 && self.inverse.is_multigrid();
+        knows_pairs && (steps == 0 || self.islands.is_empty())
+    }
+
     fn add_gains_of_islands(&mut self) {
         let Self { columns, rows, groups, islands, gains, .. } = self;
         let r = |node: u32, column: usize| -groups[column / L].kx[rows.row_of(node as usize)][column % L];
@@ -373,9 +379,9 @@ fn add_islands<const L: usize>(
     mut z: Approximate<'_, L>,
 ) {
     let row = |node: u32| rows.row_of(node as usize);
-    for lane in 0..L {
+    (0..L).for_each(|lane| {
         islands.correct(|node| -kx[row(node)][lane], |node, shift| z.raise(row(node), lane, shift));
-    }
+    });
 }
 
 /// XᵀKX between the columns of two groups.

@@ -216,7 +216,10 @@ fn linear_inverses_are_symmetric_and_all_are_positive() {
         let product = |a: usize, b: usize| -> f64 { kx.iter().zip(&z).map(|(kx, z)| kx[a] * z[b]).sum() };
         for (lane, gains) in gains.iter().enumerate() {
             let own = -product(lane, lane);
-            assert!(own > 0.0 && (gains[lane] / own - 1.0).abs() < 1e-4, "{preconditioner:?}: {gains:?} {own}");
+            assert!(
+                own > 0.0 && (gains[lane] / own - 1.0).abs() < 1e-4,
+                "{preconditioner:?}: {gains:?} {own}"
+            );
         }
         let asymmetry = (product(0, 1) - product(1, 0)).abs() / (product(0, 0) * product(1, 1)).sqrt();
         // The multigrid is not quite linear.

@@ -36,13 +36,7 @@ impl NodeCharges {
     }
 
     /// Takes those of a node. `layout` is that of vectors.
-    pub(super) fn look(
-        &mut self,
-        potentials: &Potentials,
-        finest: &Level,
-        links: &ObjectLinks,
-        node: Place,
-    ) {
+    pub(super) fn look(&mut self, potentials: &Potentials, finest: &Level, links: &ObjectLinks, node: Place) {
         let layout = &finest.layout;
         match potentials {
             Potentials::Single { x, leak, .. } => {

@@ -64,8 +64,8 @@ impl LatticeSolver {
         for (s, &potential) in potentials.iter().enumerate().filter(|(_, potential)| **potential != 0.0) {
             is_held = true;
             state.charge[s] += (potential * charges[s]).powi(2);
-            for t in s..columns {
-                state.energies[s * columns + t] += potential * charges[t];
+            for (t, charge) in charges.iter().enumerate().skip(s) {
+                state.energies[s * columns + t] += potential * charge;
             }
         }
         is_held

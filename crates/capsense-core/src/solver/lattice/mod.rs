@@ -219,8 +219,7 @@ impl LatticeSolver {
         let Self { arch, potentials, links, of_free, state, node, .. } = self;
         let (finest, coarser) = self.hierarchy.split();
         let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
-        let residuals =
-            || changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
+        let residuals = || changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
         self.workers.both(residuals, || coarser.refresh(*arch));
         self.add_held();
     }

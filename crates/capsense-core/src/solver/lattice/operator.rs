@@ -34,8 +34,8 @@ impl Operator for LatticeSolver {
         &self.gains
     }
 
-    fn has_islands(&self) -> bool {
-        !self.islands.is_empty()
+    fn foretells(&self, steps: usize) -> bool {
+        steps == 0 || self.islands.is_empty()
     }
 
     fn precondition(&mut self, active: &[bool]) {

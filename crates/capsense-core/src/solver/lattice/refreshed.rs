@@ -24,7 +24,8 @@ impl Refreshed<'_> {
     pub(super) fn refresh(&mut self, node: usize, is_fixed: bool) {
         let layout = self.finest.layout;
         let place = Place::of(node, &self.of_nodes, &layout);
-        let is_zero = |column: usize| self.finest.b[place.colour][layout.in_column(column, place.first)] == 0.0;
+        let is_zero =
+            |column: usize| self.finest.b[place.colour][layout.in_column(column, place.first)] == 0.0;
         if is_fixed && (0..layout.columns).all(is_zero) {
             return;
         }

@@ -120,7 +120,7 @@ impl Scene {
         self.solver.refresh(&self.matrix, &self.fixed, &all);
         let rule = ErrorRule::Experience(Experience::default());
         let options = SolverOptions { tolerance, ..SolverOptions::default() };
-        let _ = ConjugateGradients::new(COLUMNS, rule, false)
+        let _ = ConjugateGradients::new(COLUMNS, rule)
             .solve(&mut self.solver, &mut Demand::new(COLUMNS, &[]), &options)
             .unwrap();
     }
@@ -188,7 +188,8 @@ fn the_residual_of_changed_rows_has_the_bits_of_one_computed_everywhere() {
             scene.solver.evaluate();
             assert_eq!(incremental, scene.solver.hierarchy.levels[0].b, "{corner}");
             let State { energies, residual, charge, .. } = scene.solver.state();
-            let are_near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs());
+            let are_near =
+                |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-6 * b.abs());
             assert!(are_near(&followed.energies, energies), "{corner}: {:?} {energies:?}", followed.energies);
             assert!(are_near(&followed.residual, residual), "{corner}");
             assert_eq!(&followed.charge, charge, "{corner}");

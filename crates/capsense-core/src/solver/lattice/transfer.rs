@@ -136,7 +136,11 @@ impl Transfer {
     pub(super) fn add_gains(&self, active: &[usize], part: f64, gains: &mut [f64]) {
         let columns = self.layout.columns;
         for k in self.layout.planes() {
-            let Some(descent) = self.between.iter().map(|between| &between.descent).find(|of| of.went_through(k)) else { continue };
+            let Some(descent) =
+                self.between.iter().map(|between| &between.descent).find(|of| of.went_through(k))
+            else {
+                continue;
+            };
             for (index, &t) in active.iter().enumerate() {
                 for &s in &active[..=index] {
                     gains[s * columns + t] += part * descent.gain(k, s, t);

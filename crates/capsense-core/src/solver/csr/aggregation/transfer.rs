@@ -183,7 +183,12 @@ impl Transfer {
     }
 
     /// Adds what a coarse solution x gains as it is taken over, with b what it is the solution for.
-    pub(super) fn add_gains<const L: usize>(&self, x: &[[f32; L]], b: &[[f32; L]], gains: &mut [[f64; L]; L]) {
+    pub(super) fn add_gains<const L: usize>(
+        &self,
+        x: &[[f32; L]],
+        b: &[[f32; L]],
+        gains: &mut [[f64; L]; L],
+    ) {
         for (x, b) in x.iter().zip(b) {
             for (gains, x) in gains.iter_mut().zip(x) {
                 for lane in 0..L {
