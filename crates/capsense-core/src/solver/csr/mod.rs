@@ -312,7 +312,7 @@ impl<const L: usize> Solver<L> {
 
     fn foretells(&self, steps: usize) -> bool {
         let knows_pairs = self.groups.len() == 1 && self.inverse.is_multigrid();
-        knows_pairs && (steps == 0 || self.islands.is_empty())
+        knows_pairs && (steps <= 1 || self.islands.is_empty())
     }
 
     fn add_gains_of_islands(&mut self) {
