@@ -182,9 +182,9 @@ impl Descent {
         for piece in 0..2 * plane.len().div_ceil(PIECE) {
             let (colour, start) = (piece % 2, piece / 2 * PIECE);
             let n = (plane.len() - start).min(PIECE);
-            let (layout, from) = (self.layout, self.padding + start - self.layout.shift(colour, k));
+            let (layout, before, shift) = (self.layout, self.padding + start, self.layout.shift(colour, k));
             let here = |column: usize| {
-                let first = from + layout.plane_of(column, k).start;
+                let first = layout.plane_of(column, k).start + before - shift;
                 first..first + n
             };
             let x = if colour == RED { &self.red[k % KEPT] } else { &self.black[k % KEPT] };
