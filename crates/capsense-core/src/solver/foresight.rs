@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn what_was_seen_is_expected_again() {
-        assert_eq!(seen(1e-3, &[1.2, 1.2]).expected(0, 0, 1e-3), None);
+        assert_eq!(seen(1e-3, &[1.2; 3]).expected(0, 0, 1e-3), None);
         let Expected { ratio, error } = seen(1e-3, &[1.2; 5]).expected(0, 0, 1e-3).unwrap();
         assert!((ratio - 1.2).abs() < 1e-12 && (error - LEAST[0] * 1.2).abs() < 1e-12, "{ratio} {error}");
         // Nothing was seen of cycles after a step.
