@@ -11,14 +11,14 @@ use super::energy_error::is_large;
 const KINDS: usize = 3;
 
 /// A ratio is known to so many of its standard deviations, and no better than to a part of it.
-const CAUTION: [f64; KINDS] = [3.0, 4.0, 4.0];
+const CAUTION: [f64; KINDS] = [2.5, 4.0, 4.0];
 const LEAST: [f64; KINDS] = [0.05, 0.4, 0.4];
 
 /// What a ratio weighs once another was seen.
 const FADING: f64 = 0.9;
 
 /// So many ratios at least, as far as they have not faded, must have been seen.
-const ENOUGH: f64 = 4.0;
+const ENOUGH: f64 = 3.3;
 
 /// Ratios are seen when there is much to shed. Where less is told than usual, more of it may be in directions that cycles
 /// tell little of: the error grows with this power of how much less it is, up to a factor.
