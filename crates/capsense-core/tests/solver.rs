@@ -235,7 +235,7 @@ fn frames_that_cannot_matter_are_skipped() {
     }
 }
 
-/// Most frames of a smooth motion need no new fields: what these would take from the capacitances is seen before.
+/// Frames of a smooth motion may need no new fields: what these would take from the capacitances is seen before.
 #[test]
 fn capacitances_are_known_before_fields_move() {
     let options = SolverOptions { tolerance: 1e-4, ..SolverOptions::default() };

@@ -39,7 +39,7 @@ const KNOWN: f64 = 0.5;
 const SMALL_MOTION: f64 = 6e-3;
 
 /// After a larger change even two drops tell too little of how fast they will fall.
-const LARGE_CHANGE: f64 = 3e-2;
+pub(super) const LARGE_CHANGE: f64 = 3e-2;
 
 /// A step so many times longer than those learned from goes along a direction that the preconditioner knows badly. So
 /// much, in relation to its drop, may then be left. With 1.2 a bar that comes closer needs a second step twice as often.

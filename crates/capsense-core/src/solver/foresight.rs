@@ -5,7 +5,7 @@
 //! capacitances are known as soon as what is not known of that ratio does not matter, and fields need not follow a scene
 //! step by step: they do so when more has gathered than can be foreseen.
 
-use super::energy_error::is_large;
+use super::energy_error::{LARGE_CHANGE, is_large};
 
 /// The first cycle meets what the scene did, later ones what the steps before them left over.
 const KINDS: usize = 3;
@@ -24,9 +24,6 @@ const ENOUGH: f64 = 3.3;
 /// tell little of: the error grows with this power of how much less it is, up to a factor.
 const GROWTH: [f64; KINDS] = [1.0, 0.5, 0.5];
 const MOST_UNUSUAL: [f64; KINDS] = [3.0, 3.0, 3.0];
-
-/// A cycle that tells of more than this part of the energy comes after a jump, and is not like others.
-const LARGE: f64 = 3e-2;
 
 /// So many solves in a row may do without a step: of directions that the preconditioner knows badly a cycle tells little,
 /// however much gathers there.
@@ -180,7 +177,7 @@ impl Foresight {
             for kind in 0..KINDS {
                 let at = kind * self.columns + column;
                 let (told, shed) = (self.told[at], self.shed[at]);
-                if told > 0.0 && shed > 0.0 && error <= KNOWN * shed && told <= LARGE * energies[own] {
+                if told > 0.0 && shed > 0.0 && error <= KNOWN * shed && told <= LARGE_CHANGE * energies[own] {
                     self.learn(at, told, (shed + rest) / told);
                 }
             }

@@ -25,7 +25,7 @@ pub(super) trait Operator {
 
     /// Whether gains are told of all pairs, after so many steps, by an M that leaves little to guess. Where there are bodies
     /// of very high permittivity, several steps may leave much that it does not know of: measured with contrasts of a
-    /// million, up to three times the tolerance, and more from frame to frame.
+    /// million, up to three and a half times the tolerance, and more from frame to frame.
     fn foretells(&self, steps: usize) -> bool;
 
     /// z = M r, after [`Operator::descend`].

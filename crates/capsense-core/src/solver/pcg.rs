@@ -68,6 +68,7 @@ impl ConjugateGradients {
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
         self.start();
+        demand.update(&fields.state().energies);
         let mut iterations = 0;
         while self.active.contains(&true) {
             if iterations == options.max_iterations {
@@ -82,7 +83,6 @@ impl ConjugateGradients {
             self.rz.iter_mut().zip(own).for_each(|(rz, gain)| *rz = *gain);
             self.check(iterations)?;
             if !self.active.contains(&true) {
-                demand.update(&fields.state().energies);
                 self.check_exhausted(fields, demand, options, iterations)?;
                 break;
             }
@@ -133,7 +133,7 @@ impl ConjugateGradients {
     fn foresees_enough(
         &mut self,
         fields: &impl Operator,
-        demand: &mut Demand,
+        demand: &Demand,
         options: &SolverOptions,
         steps: usize,
     ) -> bool {
@@ -142,7 +142,6 @@ impl ConjugateGradients {
         if self.error.is_learning() || !fields.foretells(steps) {
             return false;
         }
-        demand.update(energies);
         let allowed = |column: usize, energy: f64| demand.allowed(column, energy, options);
         self.foresight.is_enough(steps, &self.active, gains, energies, allowed)
     }

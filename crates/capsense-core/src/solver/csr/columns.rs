@@ -204,10 +204,16 @@ impl<const L: usize> Columns<L> {
                 }
             },
         );
-        let before = self.kx[rows.len()..].to_vec();
+        self.add_energies_of_objects(rows, -1.0);
         self.evaluate_objects(rows);
-        for ((before, kx), x) in before.iter().zip(&self.kx[rows.len()..]).zip(&self.x[rows.len()..]) {
-            add_change(&mut self.energies, x, before, kx);
+        self.add_energies_of_objects(rows, 1.0);
+    }
+
+    /// Adds `sign` times the part of the energies that is of rows of objects.
+    fn add_energies_of_objects(&mut self, rows: &Rows, sign: f64) {
+        let Self { x, kx, energies, .. } = self;
+        for (x, kx) in x[rows.len()..].iter().zip(&kx[rows.len()..]) {
+            add_change(energies, x, &[0.0; L], &kx.map(|kx| sign * kx));
         }
     }
 

@@ -69,8 +69,10 @@ impl Level {
     pub(super) fn add_products(&self, active: &[usize], part: f64, products: &mut [f64]) {
         let layout = &self.layout;
         for k in layout.planes() {
-            let pairs =
-                active.iter().flat_map(|&t| active.iter().filter(move |&&s| s <= t).map(move |&s| (s, t)));
+            let pairs = active
+                .iter()
+                .enumerate()
+                .flat_map(|(index, t)| active[..=index].iter().map(move |s| (*s, *t)));
             for (s, t) in pairs {
                 for (x, b) in self.x.iter().zip(&self.b) {
                     let (x, b) = (&x[layout.plane_of(s, k)], &b[layout.plane_of(t, k)]);
