@@ -45,7 +45,8 @@ impl Fields {
         let terminals: Vec<Terminal> = (1..=electrodes).chain(released.map(|(object, _)| object)).collect();
         let to_ground: Vec<f64> =
             materials.iter().filter_map(own_potential).map(|farads| farads / VACUUM_PERMITTIVITY).collect();
-        let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(objects).collect();
+        let bodies = (1..=electrodes).chain(objects);
+        let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(bodies).collect();
         let fixed: Vec<bool> = row_terminals.iter().map(|&terminal| terminal != FREE).collect();
         let mut fields = Self {
             solver: FieldSolver::new(matrix, &fixed, terminals.len(), &to_ground, options),
@@ -134,6 +135,11 @@ impl Fields {
             self.solver.bracket_mut().change(weight, &before, &after, free);
         }
         self.solver.bracket_mut().finish_changes();
+    }
+
+    /// Nothing is known of what the changes of a frame do.
+    pub(crate) fn lose_bracket(&mut self) {
+        self.solver.bracket_mut().is_lost = true;
     }
 
     /// Nodes taken by a conductor get its potential; released nodes start from it.

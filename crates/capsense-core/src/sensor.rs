@@ -4,6 +4,7 @@ use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
 use crate::mesh::{InvalidAxis, Lattice, MeshError, TetMesh, graded_axis};
+use crate::rim::{Rim, RimLink, rims_of_sheets, rim_on_lattice};
 use glam::{DVec2, DVec3};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
@@ -263,6 +264,9 @@ pub struct Sensor {
     lattice: Option<Lattice>,
     electrode_names: Vec<String>,
     terminals: Vec<Terminal>,
+    /// The same with nodes at rims, which are free but linked to their electrode, counted as the electrode's.
+    owners: Vec<Terminal>,
+    rim: Vec<RimLink>,
     /// Thin electrodes by shape: their outlines may cut mesh edges. `None` for electrodes given by nodes.
     shapes: Vec<Option<Electrode>>,
     flat: f64,
@@ -291,10 +295,16 @@ impl Sensor {
                 ground.extend(nodes_where(&mesh, |node| board.is_on_back(node, slack)));
             }
         }
-        let electrodes =
-            design.electrodes.iter().map(|e| (e.name.clone(), ElectrodeNodes::Shape(e.clone()))).collect();
-        let sensor = Self::on_mesh(mesh, &ground, electrodes)?;
-        Ok(Self { lattice: Some(lattice.clone()), ..sensor })
+        let mut sensor = Self::without_electrodes(mesh, &ground)?;
+        sensor.lattice = Some(lattice.clone());
+        for (index, electrode) in design.electrodes.iter().enumerate() {
+            let rim = rim_on_lattice(lattice, sensor.mesh.relative_permittivity(), electrode, slack);
+            sensor.electrode_names.push(electrode.name.clone());
+            sensor.shapes.push(Some(electrode.clone()));
+            sensor.claim_with_rim(index, &electrode.name, &rim)?;
+        }
+        check_reachable(&sensor.mesh, &sensor.owners)?;
+        Ok(sensor)
     }
 
     /// Takes a mesh, its grounded nodes, and its electrodes. A node that is grounded and on an electrode is the
@@ -309,18 +319,8 @@ impl Sensor {
         electrodes: Vec<(String, ElectrodeNodes)>,
     ) -> Result<Self, SensorError> {
         check_names(electrodes.iter().map(|(name, _)| name.as_str()))?;
-        let flat = IN_PLANE * mesh.bounds().size().max_element();
-        let mut sensor = Self {
-            terminals: vec![FREE; mesh.nodes().len()],
-            mesh,
-            lattice: None,
-            electrode_names: Vec::new(),
-            shapes: Vec::new(),
-            flat,
-        };
-        for &node in ground {
-            *sensor.terminal_mut("ground", node)? = GROUND;
-        }
+        let mut sensor = Self::without_electrodes(mesh, ground)?;
+        let flat = sensor.flat;
         for (index, (name, nodes)) in electrodes.into_iter().enumerate() {
             let (nodes, shape) = match nodes {
                 ElectrodeNodes::Nodes(nodes) => (nodes, None),
@@ -332,8 +332,64 @@ impl Sensor {
             sensor.shapes.push(shape);
             sensor.claim(index as Terminal + 1, &name, &nodes)?;
         }
-        check_reachable(&sensor.mesh, &sensor.terminals)?;
+        sensor.release_rims();
+        check_reachable(&sensor.mesh, &sensor.owners)?;
         Ok(sensor)
+    }
+
+    fn without_electrodes(mesh: TetMesh, ground: &[u32]) -> Result<Self, SensorError> {
+        let mut sensor = Self {
+            terminals: vec![FREE; mesh.nodes().len()],
+            owners: vec![FREE; mesh.nodes().len()],
+            rim: Vec::new(),
+            lattice: None,
+            electrode_names: Vec::new(),
+            shapes: Vec::new(),
+            flat: IN_PLANE * mesh.bounds().size().max_element(),
+            mesh,
+        };
+        for &node in ground {
+            *sensor.owner_mut("ground", node)? = GROUND;
+            sensor.terminals[node as usize] = GROUND;
+        }
+        Ok(sensor)
+    }
+
+    /// The same sensor with the nodes at rims held, as a mesh alone would have it: what links are compared with.
+    #[must_use]
+    pub fn with_rims_held(mut self) -> Self {
+        self.terminals.clone_from(&self.owners);
+        self.rim.clear();
+        self
+    }
+
+    /// Gives an electrode the nodes that it holds and those at its rim. Where another electrode holds a node, there is no
+    /// link.
+    fn claim_with_rim(&mut self, index: usize, name: &str, rim: &Rim) -> Result<(), SensorError> {
+        let terminal = index as Terminal + 1;
+        if rim.held.is_empty() && !rim.linked.is_empty() {
+            // Smaller than a cell: links alone carry its charge.
+        } else {
+            self.claim(terminal, name, &rim.held)?;
+        }
+        for &(node, weight) in &rim.linked {
+            let owner = self.owner_mut(name, node)?;
+            if *owner == FREE {
+                *owner = terminal;
+            }
+            self.rim.push(RimLink { node, electrode: index as u16, weight });
+        }
+        let terminals = &self.terminals;
+        self.rim.retain(|link| terminals[link.node as usize] == FREE);
+        Ok(())
+    }
+
+    /// Frees the nodes at the rims of sheets and links them.
+    fn release_rims(&mut self) {
+        self.rim = rims_of_sheets(&self.mesh, &self.owners);
+        for link in &self.rim {
+            self.terminals[link.node as usize] = FREE;
+        }
     }
 
     fn claim(&mut self, terminal: Terminal, name: &str, nodes: &[u32]) -> Result<(), SensorError> {
@@ -341,10 +397,13 @@ impl Sensor {
             return Err(SensorError::OwnsNoNode(name.to_owned()));
         }
         for &node in nodes {
-            let owner = self.terminal_mut(name, node)?;
+            let held = self.terminals.get(node as usize).copied();
+            let owner = self.owner_mut(name, node)?;
             match *owner {
-                FREE | GROUND => *owner = terminal,
                 other if other == terminal => {}
+                // At the rim of another electrode.
+                other if other != GROUND && held == Some(FREE) => *owner = terminal,
+                FREE | GROUND => *owner = terminal,
                 other => {
                     return Err(SensorError::SharedNode {
                         first: self.electrode_names[usize::from(other) - 1].clone(),
@@ -353,13 +412,14 @@ impl Sensor {
                     });
                 }
             }
+            self.terminals[node as usize] = terminal;
         }
         Ok(())
     }
 
-    fn terminal_mut(&mut self, name: &str, node: u32) -> Result<&mut Terminal, SensorError> {
-        let nodes = self.terminals.len();
-        self.terminals.get_mut(node as usize).ok_or_else(|| SensorError::NodeOutOfRange {
+    fn owner_mut(&mut self, name: &str, node: u32) -> Result<&mut Terminal, SensorError> {
+        let nodes = self.owners.len();
+        self.owners.get_mut(node as usize).ok_or_else(|| SensorError::NodeOutOfRange {
             name: name.to_owned(),
             node,
             nodes,
@@ -381,14 +441,29 @@ impl Sensor {
         &self.electrode_names
     }
 
-    /// The terminal of each node: [`GROUND`], 1 and up for electrodes, or [`FREE`].
+    /// What holds the potential of each node: [`GROUND`], 1 and up for electrodes, or [`FREE`]. Nodes at the rims of thin
+    /// electrodes are free.
     pub fn terminals(&self) -> &[Terminal] {
         &self.terminals
+    }
+
+    /// The same with nodes at the rims of thin electrodes counted as the electrode's, which no object can take.
+    pub fn owners(&self) -> &[Terminal] {
+        &self.owners
+    }
+
+    /// Links between nodes at the rims of thin electrodes and their electrode.
+    pub fn rim(&self) -> &[RimLink] {
+        &self.rim
     }
 
     /// The part of an edge that lies outside the electrode which one of its ends belongs to, when the edge lies in the
     /// plane of a thin electrode and crosses its outline.
     pub fn outside_part_of_edge(&self, [a, b]: [u32; 2]) -> Option<f64> {
+        if self.lattice.is_some() {
+            // There, links do it.
+            return None;
+        }
         let owner = |node: u32| match self.terminals[node as usize] {
             GROUND | FREE => None,
             electrode => Some(usize::from(electrode) - 1),
@@ -425,7 +500,7 @@ fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), SensorErr
     }
 }
 
-/// Spreads from all terminals along elements and looks for nodes that were not reached.
+/// Spreads from all nodes that have an owner along elements and looks for nodes that were not reached.
 fn check_reachable(mesh: &TetMesh, terminals: &[Terminal]) -> Result<(), SensorError> {
     let mut parent: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
     fn root(parent: &mut [u32], mut node: u32) -> u32 {

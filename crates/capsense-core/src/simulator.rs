@@ -174,7 +174,7 @@ impl Simulator {
         }
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
@@ -186,6 +186,9 @@ impl Simulator {
             &self.options,
         );
         self.matrix.update(&self.occupancy);
+        if self.matrix.rim_changed() {
+            self.fields.lose_bracket();
+        }
         self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.forget_absent_objects(&self.occupancy, self.sensor.electrode_names().len());
         self.fields.note_changes(&self.matrix, self.occupancy.changed_nodes());

@@ -52,8 +52,8 @@ impl Ic0Method {
             objects.clone().zip(&materials).filter(|(_, material)| own_potential(material).is_some());
         let terminals: Vec<Terminal> =
             (1..=electrodes as Terminal).chain(released.map(|(object, _)| object)).collect();
-        let holders: Vec<Terminal> =
-            sensor.terminals().iter().copied().chain(objects.take(materials.len())).collect();
+        let bodies = (1..=electrodes as Terminal).chain(objects.take(materials.len()));
+        let holders: Vec<Terminal> = sensor.terminals().iter().copied().chain(bodies).collect();
         let mut method = Self {
             factors: IncompleteCholesky::new(csr.pattern())?,
             matrix: CompressedRows {
@@ -101,7 +101,7 @@ impl Ic0Method {
         }
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.stiffness.network().edges(),
             permittivity: self.stiffness.network().permittivity(),
         };

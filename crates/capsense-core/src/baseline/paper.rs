@@ -46,8 +46,8 @@ impl<T: Precision> PaperMethod<T> {
             _ => ELIMINATED,
         };
         Self {
-            free_index: sensor.terminals().iter().map(number).collect(),
-            terminals: sensor.terminals().to_vec(),
+            free_index: sensor.owners().iter().map(number).collect(),
+            terminals: sensor.owners().to_vec(),
             of_objects: objects.iter().map(|permittivity| permittivity.value()).collect(),
             options,
             occupancy: CentroidOccupancy::new(sensor.mesh()),

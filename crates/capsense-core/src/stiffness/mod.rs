@@ -1,4 +1,4 @@
-//! The stiffness matrix K of the potential, over all nodes and one more row for each object.
+//! The stiffness matrix K of the potential, over all nodes and one more row for each electrode and each object.
 //!
 //! K is the Laplacian of the weighted edges, kept uneliminated: what is held at a fixed potential is a partition of
 //! the rows, never an edit of K. The sparsity pattern is that of the mesh's edges and never changes. Links to
@@ -9,14 +9,16 @@
 mod csr;
 mod lattice;
 mod network;
+mod rim;
 
 pub use network::{EdgeNetwork, barycentric_gradients};
 
 use crate::mesh::Edges;
-use crate::occupancy::{Coupling, Occupancy};
+use crate::occupancy::Occupancy;
 use csr::CsrValues;
 use lattice::LatticeValues;
 use nalgebra_sparse::CsrMatrix;
+use rim::RimWeights;
 
 /// A right-hand side, field or residual at one row, for up to [`LANES`] terminals at once.
 pub type Lane = [f64; LANES];
@@ -24,13 +26,15 @@ pub type Lane = [f64; LANES];
 /// Number of columns that advance together.
 pub const LANES: usize = 4;
 
-/// The stiffness matrix. Rows 0..nodes are nodes, the rows after them objects, as many as vectors have.
+/// The stiffness matrix. Rows 0..nodes are nodes, then come those of the network's electrodes, then objects, as many as
+/// vectors have.
 #[derive(Clone, Debug)]
 pub struct StiffnessMatrix {
     network: EdgeNetwork,
     nodes: usize,
     values: Values,
     links: Vec<WeightedLink>,
+    rim: RimWeights,
     /// Sum of the weights of each node's links.
     link_sums: Vec<f64>,
     /// Nodes whose links are to be summed up anew.
@@ -69,11 +73,11 @@ enum Values {
     Csr(CsrValues),
 }
 
-/// A capacitance between a node's row and an object's row.
+/// A capacitance between a node's row and that of an electrode or an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct WeightedLink {
     node: u32,
-    object_row: u32,
+    body_row: u32,
     weight: f64,
 }
 
@@ -97,6 +101,7 @@ impl StiffnessMatrix {
 
     fn with_values(network: EdgeNetwork, nodes: usize, values: Values) -> Self {
         let mut matrix = Self {
+            rim: RimWeights::new(network.rim()),
             network,
             nodes,
             values,
@@ -106,6 +111,10 @@ impl StiffnessMatrix {
             changed_rows: NodeSet::empty(nodes),
         };
         (0..nodes as u32).for_each(|node| matrix.changed_rows.insert(node));
+        for link in matrix.rim.links() {
+            matrix.link_sums[link.node as usize] += link.weight;
+        }
+        matrix.push_rim_links();
         matrix.refresh_diagonal();
         matrix
     }
@@ -113,6 +122,7 @@ impl StiffnessMatrix {
     /// Takes over what changed in the occupancy. Only changed rows are touched.
     pub fn update(&mut self, occupancy: &Occupancy) {
         self.changed_rows.clear();
+        self.rim.start_update();
         let couplings = occupancy.couplings();
         for &(edge, before) in occupancy.replaced_couplings() {
             let edge = edge as usize;
@@ -133,7 +143,7 @@ impl StiffnessMatrix {
                 }
             }
         }
-        self.sum_links(couplings);
+        self.sum_links(occupancy);
         if !occupancy.changed_edges().is_empty() {
             self.collect_links(occupancy);
         }
@@ -156,10 +166,11 @@ impl StiffnessMatrix {
     }
 
     /// Sums up the links at nodes anew, always in the same order.
-    fn sum_links(&mut self, couplings: &[Coupling]) {
+    fn sum_links(&mut self, occupancy: &Occupancy) {
         let (edges, weights) = (self.network.edges(), self.network.weights());
+        let couplings = occupancy.couplings();
         for &node in &self.relinked.nodes {
-            let mut sum = 0.0;
+            let mut sum = self.rim.update(node, &self.network, occupancy);
             edges.for_edges_at(node as usize, |edge, end| {
                 if weights[edge] > 0.0 {
                     sum += weights[edge] * couplings[edge].factor[end];
@@ -175,16 +186,27 @@ impl StiffnessMatrix {
 
     fn collect_links(&mut self, occupancy: &Occupancy) {
         self.links.clear();
+        self.push_rim_links();
+        let first_object = self.nodes + self.network.electrodes();
         for &edge in occupancy.linked_edges() {
             let base = self.network.weights()[edge as usize];
             if base > 0.0 {
                 let ends = self.network.edges().ends_of_existing(edge as usize);
                 for (end, object, factor) in occupancy.couplings()[edge as usize].links() {
-                    let object_row = self.nodes as u32 + u32::from(object);
-                    self.links.push(WeightedLink { node: ends[end], object_row, weight: base * factor });
+                    let body_row = first_object as u32 + u32::from(object);
+                    self.links.push(WeightedLink { node: ends[end], body_row, weight: base * factor });
                 }
             }
         }
+    }
+
+    fn push_rim_links(&mut self) {
+        let first_electrode = self.nodes as u32;
+        self.links.extend(self.rim.links().iter().map(|link| WeightedLink {
+            node: link.node,
+            body_row: first_electrode + u32::from(link.electrode),
+            weight: link.weight,
+        }));
     }
 
     fn refresh_diagonal(&mut self) {
@@ -244,19 +266,19 @@ impl StiffnessMatrix {
         of_lattice.into_iter().flatten().chain(of_csr.into_iter().flatten())
     }
 
-    /// Links between a node's row and an object's: node, row of the object, weight.
+    /// Links between a node's row and that of an electrode or an object: node, row of the other, weight.
     pub(crate) fn links(&self) -> impl Iterator<Item = (usize, usize, f64)> {
-        self.links.iter().map(|link| (link.node as usize, link.object_row as usize, link.weight))
+        self.links.iter().map(|link| (link.node as usize, link.body_row as usize, link.weight))
     }
 
-    /// Sum of the weights of a node's links to objects.
+    /// Sum of the weights of a node's links.
     pub fn link_weight(&self, node: usize) -> f64 {
         self.link_sums[node]
     }
 
-    /// Links from nodes to objects: node, object, weight.
-    pub(crate) fn object_links(&self) -> impl Iterator<Item = (usize, usize, f64)> {
-        self.links.iter().map(|link| (link.node as usize, link.object_row as usize - self.nodes, link.weight))
+    /// Whether the last update changed the weight of a link between an electrode and its rim.
+    pub(crate) fn rim_changed(&self) -> bool {
+        self.rim.changed()
     }
 
     /// Visits the two rows and the weight of every edge and of every link.
@@ -271,7 +293,7 @@ impl StiffnessMatrix {
             }
         }
         for link in &self.links {
-            visit([link.node as usize, link.object_row as usize], link.weight);
+            visit([link.node as usize, link.body_row as usize], link.weight);
         }
     }
 
@@ -293,16 +315,16 @@ impl StiffnessMatrix {
         };
         y[self.nodes..].fill([0.0; LANES]);
         for link in &self.links {
-            let (node, object) = (link.node as usize, link.object_row as usize);
+            let (node, body) = (link.node as usize, link.body_row as usize);
             // The node's own share stands on the diagonal of compressed rows; a lattice has no diagonal.
             let own = if matches!(self.values, Values::Lattice(_)) { 1.0 } else { 0.0 };
             for lane in 0..LANES {
-                let (at_node, at_object) = (x[node][lane].into(), x[object][lane].into());
-                let to_node = link.weight * (own * at_node - at_object);
-                let to_object = link.weight * (at_object - at_node);
+                let (at_node, at_body) = (x[node][lane].into(), x[body][lane].into());
+                let to_node = link.weight * (own * at_node - at_body);
+                let to_body = link.weight * (at_body - at_node);
                 y[node][lane] += to_node;
-                y[object][lane] += to_object;
-                energy[lane] += at_node * to_node + at_object * to_object;
+                y[body][lane] += to_body;
+                energy[lane] += at_node * to_node + at_body * to_body;
             }
         }
         energy

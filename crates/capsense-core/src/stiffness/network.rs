@@ -6,6 +6,7 @@
 
 use crate::mesh::{Background, EdgeList, Edges, Lattice, TetMesh, signed_volume};
 use crate::occupancy::SMALLEST_PART;
+use crate::rim::RimLink;
 use crate::sensor::Sensor;
 use glam::DVec3;
 
@@ -18,6 +19,9 @@ pub struct EdgeNetwork {
     edges: Edges,
     weights: Vec<f64>,
     permittivity: Background,
+    /// Number of electrodes that have a row.
+    electrodes: usize,
+    rim: Vec<RimLink>,
 }
 
 /// What one element adds to one edge.
@@ -68,6 +72,8 @@ impl EdgeNetwork {
             edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))),
             weights,
             permittivity: Background::new(permittivity),
+            electrodes: 0,
+            rim: Vec::new(),
         }
     }
 
@@ -100,7 +106,7 @@ impl EdgeNetwork {
             }
         }
         let permittivity = weights.iter().zip(&vacuum).map(|(w, v)| mean_permittivity(*w, *v)).collect();
-        Self { edges, weights, permittivity: Background::new(permittivity) }
+        Self { edges, weights, permittivity: Background::new(permittivity), electrodes: 0, rim: Vec::new() }
     }
 
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
@@ -117,6 +123,8 @@ impl EdgeNetwork {
                 *weight /= outside.max(SMALLEST_PART);
             }
         }
+        network.rim = sensor.rim().to_vec();
+        network.electrodes = sensor.electrode_names().len();
         network
     }
 
@@ -128,6 +136,16 @@ impl EdgeNetwork {
     /// Weight of each edge in metres (times relative permittivity). Unstructured meshes have some negative ones.
     pub fn weights(&self) -> &[f64] {
         &self.weights
+    }
+
+    /// Number of electrodes that have a row after those of the nodes, before the objects.
+    pub fn electrodes(&self) -> usize {
+        self.electrodes
+    }
+
+    /// Links between nodes at the rims of electrodes and their electrode.
+    pub fn rim(&self) -> &[RimLink] {
+        &self.rim
     }
 
     /// Mean relative permittivity of the background around each edge.

@@ -34,7 +34,8 @@ impl ObjectLinks {
     /// are there once for each node, and of vectors.
     pub(super) fn collect(&mut self, of_nodes: &Layout, layout: &Layout, matrix: &StiffnessMatrix) {
         self.links.clear();
-        for (node, object, weight) in matrix.object_links() {
+        for (node, body_row, weight) in matrix.links() {
+            let object = body_row - matrix.nodes();
             let potentials = &self.potentials[object * layout.columns..][..layout.columns];
             if potentials.iter().any(|&potential| potential != 0.0) {
                 let indices = of_nodes.indices(node);

@@ -1,0 +1,37 @@
+//! The rims of thin electrodes: where the outline lies between mesh nodes, and what a mesh cannot resolve of the field
+//! there.
+//!
+//! At the rim of a thin electrode the potential grows with the root of the distance. Linear elements with nodes held at
+//! the rim make the electrode look larger than it is, by a fixed part of the size of their cells. So nodes at the rim are
+//! not held but linked to their electrode, by the weight with which the far field of the discrete rim is that of a rim
+//! in its true place.
+
+mod half_plane;
+mod lattice;
+mod place;
+mod sheet;
+mod side;
+
+
+pub(crate) use lattice::rim_on_lattice;
+pub(crate) use sheet::rims_of_sheets;
+
+/// A weight between a free node at the rim of an electrode and the electrode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RimLink {
+    /// The node.
+    pub node: u32,
+    /// Index of the electrode.
+    pub electrode: u16,
+    /// Metres times the relative permittivity around the node.
+    pub weight: f64,
+}
+
+/// What an electrode makes of the nodes at its rim.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Rim {
+    /// Nodes that are at the potential of the electrode.
+    pub(crate) held: Vec<u32>,
+    /// Nodes that are linked to it, and the weights.
+    pub(crate) linked: Vec<(u32, f64)>,
+}

@@ -1,0 +1,205 @@
+//! Rims of electrodes that are sheets of triangles in any mesh.
+//!
+//! A link weighs l/κ times the permittivity around its node, l being half the length of the rim's sides at the node. κ
+//! follows from the elements near the rim. On these the field of a half-plane, u = √r cos θ/2, has the energy
+//! ∫ 1/(4r) dV; linear elements that take its values at their nodes, and 0 at the rim, have more by some D. A rim node
+//! that is let go takes F²/(K + l/κ) off that, where F is the charge that flows to it and K the weight of its edges to
+//! nodes that are not on the rim. κ is the number with which all rim nodes of an electrode together take D off.
+//!
+//! On lattices of cubes this gives 0.25, where [`half_plane`](super::half_plane) knows that it should be 0.23; elements
+//! of a mesh generator resolve less and have values around 0.5.
+
+use super::RimLink;
+use super::side::{Frame, Side, corners, nearest_sides};
+use crate::mesh::{TetMesh, barycentric_gradients, signed_volume};
+use crate::sensor::{FREE, GROUND, Terminal};
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// κ where the rim has no straight part from which it could be told: what meshes of common generators have.
+const USUAL: f64 = 0.5;
+
+/// Elements with a node fewer edges than this from the rim count as near it.
+const RINGS: u8 = 3;
+
+/// κ is looked for between these.
+const PLAUSIBLE: [f64; 2] = [0.01, 10.0];
+
+/// How often elements near the rim are divided to integrate 1/r.
+const DIVISIONS: usize = 6;
+
+/// The links of all sheets of a mesh. An electrode that fills elements has no thin rim.
+pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink> {
+    let sides = sides_of_rims(mesh, owners);
+    if sides.is_empty() {
+        return Vec::new();
+    }
+    let mut half_lengths: BTreeMap<(Terminal, u32), f64> = BTreeMap::new();
+    for side in &sides {
+        for node in side.ends {
+            *half_lengths.entry((side.terminal, node)).or_default() += 0.5 * side.length(mesh);
+        }
+    }
+    let balances = balances(mesh, owners, &sides);
+    let permittivity = permittivity_around(mesh, half_lengths.keys().map(|(_, node)| *node));
+    let mut links = Vec::with_capacity(half_lengths.len());
+    for of_terminal in half_lengths.into_iter().collect::<Vec<_>>().chunk_by(|a, b| a.0.0 == b.0.0) {
+        let kappa = kappa(of_terminal, &balances).unwrap_or(USUAL);
+        links.extend(of_terminal.iter().map(|&((terminal, node), length)| RimLink {
+            node,
+            electrode: terminal - 1,
+            weight: permittivity[&node] * length / kappa,
+        }));
+    }
+    links
+}
+
+/// Sides of triangles between nodes of one electrode that belong to one triangle only.
+fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
+    let is_electrode = |terminal: Terminal| terminal != FREE && terminal != GROUND;
+    let (mut filled, mut triangles) = (BTreeSet::new(), BTreeSet::new());
+    for tet in mesh.tets() {
+        let of = tet.map(|node| owners[node as usize]);
+        for skipped in 0..4 {
+            let [a, b, c] = [1, 2, 3].map(|k| (skipped + k) % 4);
+            if is_electrode(of[a]) && of[a] == of[b] && of[b] == of[c] {
+                if of[skipped] == of[a] {
+                    filled.insert(of[a]);
+                }
+                let mut nodes = [a, b, c].map(|k| tet[k]);
+                nodes.sort_unstable();
+                triangles.insert((of[a], nodes));
+            }
+        }
+    }
+    let mut counts: BTreeMap<(Terminal, [u32; 2]), (usize, u32)> = BTreeMap::new();
+    for (terminal, [a, b, c]) in triangles.into_iter().filter(|(terminal, _)| !filled.contains(terminal)) {
+        for (ends, apex) in [([a, b], c), ([b, c], a), ([a, c], b)] {
+            counts.entry((terminal, ends)).or_insert((0, apex)).0 += 1;
+        }
+    }
+    let rim = counts.into_iter().filter(|(_, (count, _))| *count == 1);
+    rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect()
+}
+
+/// What the elements around a rim node know of the field of a half-plane.
+#[derive(Clone, Copy, Debug, Default)]
+struct Balance {
+    /// Charge that flows to the node while it is at 0 V.
+    charge: f64,
+    /// Weight of its edges to nodes that are not on the rim.
+    weight: f64,
+    /// Its share of what linear elements have too much of energy.
+    excess: f64,
+}
+
+/// The balance of each rim node, in vacuum. Elements near corners, where the field is another one, are left out.
+fn balances(mesh: &TetMesh, owners: &[Terminal], sides: &[Side]) -> BTreeMap<u32, Balance> {
+    let near = nearest_sides(mesh, sides, RINGS);
+    let corners = corners(mesh, sides);
+    let on_rim: BTreeSet<u32> = sides.iter().flat_map(|side| side.ends).collect();
+    let mut balances: BTreeMap<u32, Balance> = BTreeMap::new();
+    for (element, tet) in mesh.tets().iter().enumerate() {
+        let places = tet.map(|node| near[node as usize]);
+        let centroid = mesh.centroid(element);
+        let known = places.iter().flatten().map(|(_, side)| *side);
+        let nearest = known.min_by(|a, b| {
+            let distance = |side: u32| sides[side as usize].distance(mesh, centroid);
+            distance(*a).total_cmp(&distance(*b))
+        });
+        let Some(side) = nearest.map(|side| &sides[side as usize]) else { continue };
+        let Some(frame) = Frame::of(mesh, side) else { continue };
+        let all_near = places.iter().all(Option::is_some) && places.iter().flatten().any(|(ring, _)| *ring < RINGS);
+        if !all_near || side.ends.iter().any(|node| corners.contains(node)) {
+            continue;
+        }
+        let (points, gradients) = (mesh.corners(element), barycentric_gradients(mesh.corners(element)));
+        let volume = signed_volume(points);
+        let potentials: [f64; 4] = std::array::from_fn(|k| match owners[tet[k] as usize] == side.terminal {
+            true => 0.0,
+            false => frame.potential(points[k]),
+        });
+        let field: DVec3 = gradients.iter().zip(potentials).map(|(gradient, u)| *gradient * u).sum();
+        let excess = volume * field.length_squared() - exact_energy(&frame, points, DIVISIONS);
+        for node in side.ends {
+            balances.entry(node).or_default().excess += 0.5 * excess;
+        }
+        for i in (0..4).filter(|&i| on_rim.contains(&tet[i])) {
+            for j in (0..4).filter(|&j| !on_rim.contains(&tet[j])) {
+                let weight = -volume * gradients[i].dot(gradients[j]);
+                let balance = balances.entry(tet[i]).or_default();
+                balance.charge += weight * potentials[j];
+                balance.weight += weight;
+            }
+        }
+    }
+    balances
+}
+
+/// Solves Σ F²/(K + l/κ) = Σ D, whose left side grows with κ, by bisection. None where nothing is known or no plausible
+/// number does it.
+fn kappa(half_lengths: &[((Terminal, u32), f64)], balances: &BTreeMap<u32, Balance>) -> Option<f64> {
+    let known: Vec<(f64, Balance)> = half_lengths
+        .iter()
+        .filter_map(|((_, node), length)| balances.get(node).map(|balance| (*length, *balance)))
+        .filter(|(_, balance)| balance.weight > 0.0)
+        .collect();
+    let excess: f64 = known.iter().map(|(_, balance)| balance.excess).sum();
+    let taken = |kappa: f64| -> f64 {
+        known.iter().map(|(length, of)| of.charge * of.charge / (of.weight + length / kappa)).sum()
+    };
+    let [mut low, mut high] = PLAUSIBLE;
+    if !(taken(low) < excess && excess < taken(high)) {
+        return None;
+    }
+    for _ in 0..50 {
+        let middle = (low * high).sqrt();
+        if taken(middle) < excess { low = middle } else { high = middle }
+    }
+    Some(low)
+}
+
+/// ∫ 1/(4r) over a tetrahedron, which is divided where it is near the rim.
+fn exact_energy(frame: &Frame, corners: [DVec3; 4], divisions: usize) -> f64 {
+    let centroid = corners.into_iter().sum::<DVec3>() / 4.0;
+    let reach = corners.into_iter().map(|corner| corner.distance(centroid)).fold(0.0, f64::max);
+    if divisions > 0 && frame.distance(centroid) < 4.0 * reach {
+        return divided(corners).into_iter().map(|part| exact_energy(frame, part, divisions - 1)).sum();
+    }
+    // Four points, exact for quadratic functions.
+    let points = corners.map(|corner| centroid + (corner - centroid) / 5f64.sqrt());
+    let sum: f64 = points.into_iter().map(|point| 0.25 / frame.distance(point).max(f64::MIN_POSITIVE)).sum();
+    0.25 * signed_volume(corners).abs() * sum
+}
+
+/// Eight tetrahedra of an eighth of the volume each.
+fn divided([a, b, c, d]: [DVec3; 4]) -> [[DVec3; 4]; 8] {
+    let middle = |p: DVec3, q: DVec3| 0.5 * (p + q);
+    let (ab, ac, ad) = (middle(a, b), middle(a, c), middle(a, d));
+    let (bc, bd, cd) = (middle(b, c), middle(b, d), middle(c, d));
+    [
+        [a, ab, ac, ad],
+        [ab, b, bc, bd],
+        [ac, bc, c, cd],
+        [ad, bd, cd, d],
+        [ab, ac, ad, bd],
+        [ab, ac, bc, bd],
+        [ac, ad, bd, cd],
+        [ac, bc, bd, cd],
+    ]
+}
+
+/// Mean relative permittivity of the elements at some nodes.
+fn permittivity_around(mesh: &TetMesh, nodes: impl Iterator<Item = u32>) -> BTreeMap<u32, f64> {
+    let mut sums: BTreeMap<u32, (f64, f64)> = nodes.map(|node| (node, (0.0, 0.0))).collect();
+    for (element, tet) in mesh.tets().iter().enumerate() {
+        for node in tet {
+            if let Some((weighted, volume)) = sums.get_mut(node) {
+                let of_element = signed_volume(mesh.corners(element));
+                *weighted += of_element * mesh.relative_permittivity().at(element);
+                *volume += of_element;
+            }
+        }
+    }
+    sums.into_iter().map(|(node, (weighted, volume))| (node, weighted / volume)).collect()
+}

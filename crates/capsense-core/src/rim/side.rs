@@ -1,0 +1,119 @@
+//! The sides of a sheet's rim, and what lies near them.
+
+use crate::mesh::TetMesh;
+use crate::sensor::Terminal;
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Rims that turn by an angle of a smaller cosine between two sides have a corner.
+const STRAIGHT: f64 = 0.88;
+
+/// A side of a rim, between two nodes, and the third node of its triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Side {
+    pub(super) terminal: Terminal,
+    pub(super) ends: [u32; 2],
+    pub(super) apex: u32,
+}
+
+impl Side {
+    fn points(&self, mesh: &TetMesh) -> [DVec3; 2] {
+        self.ends.map(|node| mesh.nodes()[node as usize])
+    }
+
+    pub(super) fn length(&self, mesh: &TetMesh) -> f64 {
+        let [a, b] = self.points(mesh);
+        a.distance(b)
+    }
+
+    /// Distance of a point from the side, metres.
+    pub(super) fn distance(&self, mesh: &TetMesh, point: DVec3) -> f64 {
+        let [a, b] = self.points(mesh);
+        let along = ((point - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        point.distance(a.lerp(b, along))
+    }
+}
+
+/// Coordinates across the line through a side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    origin: DVec3,
+    along: DVec3,
+    /// Out of the sheet, in its plane.
+    out: DVec3,
+}
+
+impl Frame {
+    /// None where the side or its triangle is degenerate.
+    pub(super) fn of(mesh: &TetMesh, side: &Side) -> Option<Self> {
+        let [a, b] = side.points(mesh);
+        let along = (b - a).try_normalize()?;
+        let to_apex = mesh.nodes()[side.apex as usize] - a;
+        let inward = (to_apex - along * to_apex.dot(along)).try_normalize()?;
+        Some(Self { origin: a, along, out: -inward })
+    }
+
+    fn across(&self, point: DVec3) -> DVec3 {
+        let from = point - self.origin;
+        from - self.along * from.dot(self.along)
+    }
+
+    /// r: distance from the line.
+    pub(super) fn distance(&self, point: DVec3) -> f64 {
+        self.across(point).length()
+    }
+
+    /// √r cos θ/2: the potential near the rim of a half-plane at 0 V.
+    pub(super) fn potential(&self, point: DVec3) -> f64 {
+        let across = self.across(point);
+        (0.5 * (across.length() + across.dot(self.out))).max(0.0).sqrt()
+    }
+}
+
+/// Nodes at which a rim turns or branches.
+pub(super) fn corners(mesh: &TetMesh, sides: &[Side]) -> BTreeSet<u32> {
+    let mut directions: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
+    for side in sides {
+        let [a, b] = side.points(mesh);
+        let along = (b - a).normalize_or_zero();
+        directions.entry(side.ends[0]).or_default().push(along);
+        directions.entry(side.ends[1]).or_default().push(-along);
+    }
+    let turns = |directions: &[DVec3]| match directions {
+        [a, b] => -a.dot(*b) < STRAIGHT,
+        _ => true,
+    };
+    directions.into_iter().filter(|(_, at)| turns(at)).map(|(node, _)| node).collect()
+}
+
+/// For the nodes at most so many edges from a rim: how many, and the index of the nearest side among those of their
+/// neighbours.
+pub(super) fn nearest_sides(mesh: &TetMesh, sides: &[Side], rings: u8) -> Vec<Option<(u8, u32)>> {
+    let mut near: Vec<Option<(u8, u32)>> = vec![None; mesh.nodes().len()];
+    for (index, side) in sides.iter().enumerate() {
+        for node in side.ends {
+            near[node as usize].get_or_insert((0, index as u32));
+        }
+    }
+    for ring in 1..=rings {
+        for tet in mesh.tets() {
+            let before = tet.map(|node| near[node as usize].filter(|(at, _)| *at < ring).map(|(_, side)| side));
+            for &node in tet {
+                let point = mesh.nodes()[node as usize];
+                for side in before.into_iter().flatten() {
+                    let distance = |side: u32| sides[side as usize].distance(mesh, point);
+                    match near[node as usize] {
+                        Some((at, known)) if at == ring => {
+                            if distance(side) < distance(known) {
+                                near[node as usize] = Some((ring, side));
+                            }
+                        }
+                        Some(_) => {}
+                        None => near[node as usize] = Some((ring, side)),
+                    }
+                }
+            }
+        }
+    }
+    near
+}
