@@ -255,7 +255,12 @@ impl Welding {
         // All coordinates are zero when the slack is.
         let size = CELL * self.slack.max(f64::MIN_POSITIVE);
         let key = |place: DVec3| (place / size).floor().to_array().map(|index| index as i64);
-        let ([x, y, z], [right, far, up]) = (key(place - self.slack), key(place + self.slack));
+        let low = key(place - self.slack);
+        // At most one cell further; past the largest number it would be infinitely many.
+        let ends = key(place + self.slack);
+        let high: [i64; 3] =
+            std::array::from_fn(|axis| ends[axis].clamp(low[axis], low[axis].saturating_add(1)));
+        let ([x, y, z], [right, far, up]) = (low, high);
         let close = |point: &&u32| self.points[**point as usize].distance(place) <= self.slack;
         for cell in (z..=up).flat_map(|z| (y..=far).flat_map(move |y| (x..=right).map(move |x| [x, y, z]))) {
             if let Some(&found) = self.cells.get(&cell).and_then(|points| points.iter().find(close)) {
