@@ -154,11 +154,11 @@ proptest! {
     #[test]
     fn the_rim_in_tiles_adds_up_to_the_perimeter(outline in outlines(), cuts in prop::collection::vec(POINT, 0..6)) {
         let mut axes = [vec![-0.3, 0.3], vec![-0.3, 0.3]];
-        for axis in 0..2 {
-            axes[axis].extend(cuts.iter().map(|cut| cut.clone()[axis]));
-            axes[axis].extend(outline.axis_planes(axis));
-            axes[axis].extend(outline.fine_intervals(axis).into_iter().flatten());
-            axes[axis].sort_by(f64::total_cmp);
+        for (axis, ends) in axes.iter_mut().enumerate() {
+            ends.extend(cuts.iter().map(|cut| cut[axis]));
+            ends.extend(outline.axis_planes(axis));
+            ends.extend(outline.fine_intervals(axis).into_iter().flatten());
+            ends.sort_by(f64::total_cmp);
         }
         let tiles = |axis: usize| axes[axis].windows(2).map(|pair| [pair[0], pair[1]]).collect::<Vec<_>>();
         let mut total = 0.0;
