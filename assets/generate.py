@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Generates the object meshes of CapSense: objects/hand.glb and objects/forearm.stl.
+"""Generates the meshes of CapSense: objects/hand.glb, objects/forearm.stl and the electrodes electrodes/*.stl.
 
 A body is a smooth union of round cones (spheres of varying radius swept along a segment), given as a signed
 distance. Marching tetrahedra on a grid of Kuhn tetrahedra turns it into triangles; that surface is closed and
 2-manifold by construction. Its vertices are then moved onto the exact surface, and quadric edge collapses
 (Garland and Heckbert 1997, with the link condition of Dey et al. 1999, which keeps a surface a 2-manifold) leave as
 many triangles as a real-time depth camera likes. The result is checked edge by edge before it is written.
+
+An electrode is a union of rectangles, cut along the lines of all their sides into rectangles of two triangles each.
 
 Only the standard library is used, and only operations that IEEE 754 rounds exactly (+ - * / sqrt), so every run on
 every machine writes the same bytes.
@@ -376,7 +378,7 @@ def to_single(vertices):
     return [struct.unpack("<3f", struct.pack("<3f", *v)) for v in vertices]
 
 
-def check(name, vertices, triangles):
+def check(name, vertices, triangles, handles=0, metres=1.0):
     """Stops with a message unless the surface is one closed, oriented 2-manifold; returns its volume."""
     seen = set()
     fans = [[] for _ in vertices]
@@ -404,8 +406,8 @@ def check(name, vertices, triangles):
         sys.exit(f"{name}: two vertices in one place")
     edges = len(seen) // 2
     euler = len(vertices) - edges + len(triangles)
-    if euler != 2:
-        sys.exit(f"{name}: Euler characteristic {euler}, expected 2 (one body without handles)")
+    if euler != 2 - 2 * handles:
+        sys.exit(f"{name}: Euler characteristic {euler}, not that of one body with {handles} handles")
     volume = 0.0
     for face in triangles:
         a, b, c = (vertices[v] for v in face)
@@ -415,10 +417,54 @@ def check(name, vertices, triangles):
     low = [min(v[m] for v in vertices) for m in range(3)]
     high = [max(v[m] for v in vertices) for m in range(3)]
     print(f"{name}: {len(vertices)} vertices, {edges} edges, {len(triangles)} triangles, watertight, "
-          f"volume {volume * 1e6:.1f} cm3")
+          f"volume {volume * metres**3 * 1e6:.3g} cm3")
     print(f"  x {low[0]:+.4f} .. {high[0]:+.4f}, y {low[1]:+.4f} .. {high[1]:+.4f}, "
-          f"z {low[2]:+.4f} .. {high[2]:+.4f} m")
+          f"z {low[2]:+.4f} .. {high[2]:+.4f}{' m' if metres == 1.0 else ''}")
     return volume
+
+
+# --- Electrodes -------------------------------------------------------------------------------------------------
+# Two combs whose fingers interlock, in a frame. A rectangle is (left, near, right, far) in millimetres.
+
+COMB_A = [(-40, -38, -34, 38)] + [(-34, y - 3, 30, y + 3) for y in (-30, -10, 10, 30)]
+COMB_B = [(34, -38, 40, 38)] + [(-30, y - 3, 34, y + 3) for y in (-20, 0, 20)]
+FRAME = [(-52, -50, 52, -44), (-52, 44, 52, 50), (-52, -44, -46, 44), (46, -44, 52, 44)]
+# Copper of a printed circuit board; its upper face lies in the sensing surface.
+FRAME_LOW, FRAME_HIGH = -0.035, 0.0
+
+
+def cells(rectangles):
+    """Corners (near left, near right, far right, far left) of what all sides' lines cut the rectangles into."""
+    xs = sorted({x for left, _, right, _ in rectangles for x in (left, right)})
+    ys = sorted({y for _, near, _, far in rectangles for y in (near, far)})
+    return [((x, y), (right, y), (right, far), (x, far))
+            for y, far in zip(ys, ys[1:]) for x, right in zip(xs, xs[1:])
+            if any(a <= x and right <= c and b <= y and far <= d for a, b, c, d in rectangles)]
+
+
+def sheet(rectangles):
+    """A flat sheet at z = 0, facing upwards."""
+    faces = [face for a, b, c, d in cells(rectangles) for face in ((a, b, c), (a, c, d))]
+    points = sorted({p for face in faces for p in face})
+    number = {p: k for k, p in enumerate(points)}
+    return [(x, y, 0.0) for x, y in points], [tuple(number[p] for p in face) for face in faces]
+
+
+def plate(rectangles, low, high):
+    """A closed plate, facing outwards."""
+    faces = []
+    border = {}
+    for a, b, c, d in cells(rectangles):
+        faces += [tuple((*p, high) for p in face) for face in ((a, b, c), (a, c, d))]
+        faces += [tuple((*p, low) for p in face) for face in ((a, c, b), (a, d, c))]
+        for p, q in ((a, b), (b, c), (c, d), (d, a)):
+            if border.pop((q, p), None) is None:
+                border[(p, q)] = True
+    for p, q in border:
+        faces += [((*p, low), (*q, low), (*q, high)), ((*p, low), (*q, high), (*p, high))]
+    points = sorted({p for face in faces for p in face})
+    number = {p: k for k, p in enumerate(points)}
+    return points, [tuple(number[p] for p in face) for face in faces]
 
 
 # --- Files ------------------------------------------------------------------------------------------------------
@@ -456,9 +502,9 @@ def glb(name, vertices, triangles):
             + struct.pack("<I4s", len(body), b"BIN\0") + body)
 
 
-def stl(name, vertices, triangles):
-    """Binary STL in metres."""
-    out = [f"{name}, metres, written by assets/generate.py".encode("ascii").ljust(80, b" "),
+def stl(name, vertices, triangles, unit="metres"):
+    """Binary STL."""
+    out = [f"{name}, {unit}, written by assets/generate.py".encode("ascii").ljust(80, b" "),
            struct.pack("<I", len(triangles))]
     for face in triangles:
         a, b, c = (vertices[v] for v in face)
@@ -466,6 +512,27 @@ def stl(name, vertices, triangles):
         length = sqrt(dot(n, n)) or 1.0
         out.append(struct.pack("<12fH", n[0] / length, n[1] / length, n[2] / length, *a, *b, *c, 0))
     return b"".join(out)
+
+
+def stl_text(name, vertices, triangles):
+    """ASCII STL of a sheet that faces upwards."""
+    lines = [f"solid {name}"]
+    for face in triangles:
+        lines += ["  facet normal 0 0 1", "    outer loop"]
+        lines += ["      vertex " + " ".join(f"{x:g}" for x in vertices[v]) for v in face]
+        lines += ["    endloop", "  endfacet"]
+    return "\n".join([*lines, f"endsolid {name}", ""]).encode("ascii")
+
+
+def electrodes():
+    """The files of the combs and their frame, in millimetres."""
+    frame = plate(FRAME, FRAME_LOW, FRAME_HIGH)
+    check("frame", *frame, handles=1, metres=1e-3)
+    return {
+        "electrodes/comb_a.stl": stl_text("comb_a", *sheet(COMB_A)),
+        "electrodes/comb_b.stl": stl("comb_b", *sheet(COMB_B), "millimetres"),
+        "electrodes/frame.stl": stl("frame", *frame, "millimetres"),
+    }
 
 
 def body(name, distance, low, high, step, target, shift):
@@ -491,7 +558,7 @@ def main():
     hand = body("hand", hand_distance(), (-0.095, -0.315, -0.060), (0.070, 0.145, 0.060), 0.0035, 6000, (0.0, 0.0, 0.0))
     centre = (0.0, 0.5 * (WRIST_Y + ELBOW_Y), 0.0075)
     forearm = body("forearm", forearm_distance(), (-0.070, -0.315, -0.050), (0.070, -0.020, 0.070), 0.006, 2000, centre)
-    files = {"objects/hand.glb": glb("hand", *hand), "objects/forearm.stl": stl("forearm", *forearm)}
+    files = {"objects/hand.glb": glb("hand", *hand), "objects/forearm.stl": stl("forearm", *forearm), **electrodes()}
     for path, data in files.items():
         target = out / path
         if len(data) > 300_000:

@@ -346,13 +346,6 @@ const CASES: &[Case] = &[
         "not supported yet",
         "mesh.generate.kind",
     ),
-    case(
-        "disk = { center = [0.05, 0.0], radius = 0.03 }",
-        "stl = \"E2.stl\"",
-        "stl",
-        "not supported yet",
-        "sensor.electrode[1].stl",
-    ),
     case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
     case("\"edge-cut\"", "\"centroid\"", "centroid", "not supported yet", "simulation.interface"),
     case("\"edge-cut\"", "\"volume-fraction\"", "volume", "not supported yet", "simulation.interface"),

@@ -1,6 +1,7 @@
 //! Domain, electrodes and board: the sensor as it is meant to be.
 
 use super::check::Checker;
+use super::electrode_stl;
 use super::object::permittivity;
 use super::raw::{RawBack, RawDomain, RawElectrode, RawSensor, RawSubstrate, Tuple};
 use super::source::{SceneError, Source};
@@ -64,7 +65,12 @@ pub(super) fn electrode(
     if raw.unit.is_some() && raw.stl.is_none() {
         return check.error(&format!("{key}.unit"), "goes with `stl`; all other lengths are in metres");
     }
-    let z = check.finite(&format!("{key}.z"), raw.z.unwrap_or(0.0))?;
+    let z = raw.z.map(|z| check.finite(&format!("{key}.z"), z)).transpose()?;
+    if let Some(file) = &raw.stl {
+        let sheet = electrode_stl::sheet(check, key, file, raw.unit.as_deref())?;
+        let electrode = Electrode { name: raw.name.clone(), outline: sheet.outline, z: z.unwrap_or(sheet.z) };
+        return Ok(Some(electrode));
+    }
     let outline = if let Some(rectangle) = &raw.rectangle {
         Outline::Rectangle {
             center: check.finite2(&format!("{key}.rectangle.center"), *rectangle.center)?,
@@ -83,7 +89,7 @@ pub(super) fn electrode(
     } else {
         return Ok(None);
     };
-    Ok(Some(Electrode { name: raw.name.clone(), outline, z }))
+    Ok(Some(Electrode { name: raw.name.clone(), outline, z: z.unwrap_or(0.0) }))
 }
 
 pub(super) fn substrate(check: Checker<'_>, raw: &RawSubstrate) -> Result<Substrate, SceneError> {
@@ -118,5 +124,13 @@ pub(super) fn locate(source: &Source, names: &[String], error: &SensorError) -> 
             "mesh".to_owned()
         }
     };
-    source.error(&key, error.to_string())
+    let message = match error {
+        SensorError::OutsideDomain(_) | SensorError::TouchesWall(_)
+            if source.names(&format!("{key}.stl")) && !source.names(&format!("{key}.unit")) =>
+        {
+            format!("{error}; the file is read in metres, as no `unit` is given")
+        }
+        _ => error.to_string(),
+    };
+    source.error(&key, message)
 }

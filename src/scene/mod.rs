@@ -6,6 +6,7 @@
 
 mod check;
 mod design;
+mod electrode_stl;
 mod mesh_file;
 mod object;
 mod raw;

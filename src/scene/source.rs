@@ -93,6 +93,11 @@ impl Source {
         }
     }
 
+    /// Whether the file has a key.
+    pub(super) fn names(&self, key: &str) -> bool {
+        self.lines.contains_key(key)
+    }
+
     /// A complaint about a key.
     pub fn error(&self, key: &str, message: impl Into<String>) -> SceneError {
         SceneError::Invalid {

@@ -231,14 +231,11 @@ impl SensorDesign {
             let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
             let mut fine = Vec::new();
             for electrode in &self.electrodes {
-                let [low, high] = electrode.outline.bounds();
-                match (axis, &electrode.outline) {
-                    (2, _) => planes.push(electrode.z),
-                    (_, crate::electrode::Outline::Rectangle { .. }) => {
-                        planes.extend([low[axis], high[axis]])
-                    }
-                    // A curved or oblique rim is everywhere.
-                    _ => fine.push([low[axis], high[axis]]),
+                if axis == 2 {
+                    planes.push(electrode.z);
+                } else {
+                    planes.extend(electrode.outline.axis_planes(axis));
+                    fine.extend(electrode.outline.fine_intervals(axis));
                 }
             }
             let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
