@@ -4,7 +4,7 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::estimate::discretisation_error;
 use crate::fields::Fields;
 use crate::material::{Connection, Material};
-use crate::occupancy::{Contact, EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
+use crate::occupancy::{Contact, EdgeGeometry, Interface, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor};
 use crate::solver::{CONTRAST, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
@@ -106,7 +106,7 @@ pub struct Simulator {
 }
 
 impl Simulator {
-    /// Assembles the stiffness matrix and solves the empty scene.
+    /// Assembles the stiffness matrix and solves the empty scene. Surfaces of objects will cut mesh edges.
     ///
     /// # Errors
     /// When the options or a material's values are out of range, or the empty scene cannot be solved.
@@ -115,10 +115,26 @@ impl Simulator {
         materials: Vec<Material>,
         options: SolverOptions,
     ) -> Result<Self, SimulatorError> {
+        Self::with_interface(sensor, materials, options, Interface::EdgeCut)
+    }
+
+    /// The same with another interface model.
+    ///
+    /// # Errors
+    /// As [`Simulator::new`].
+    pub fn with_interface(
+        sensor: Sensor,
+        materials: Vec<Material>,
+        options: SolverOptions,
+        interface: Interface,
+    ) -> Result<Self, SimulatorError> {
         check(&sensor, &materials, &options)?;
-        let network = EdgeNetwork::of_sensor(&sensor);
+        let network = match interface {
+            Interface::EdgeCut => EdgeNetwork::of_sensor(&sensor),
+            Interface::Centroid | Interface::VolumeFraction => EdgeNetwork::of_sensor_elements(&sensor),
+        };
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.edges().len());
+        let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges());
         // Only multigrid has an operator of its own for lattices.
         let matrix = match options.preconditioner {
             Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),

@@ -1,24 +1,30 @@
 //! Which nodes lie in which object, and how objects change the mesh edges that their surfaces cut.
 //!
 //! The edge rule is the ghost-fluid idea of Gibou, Fedkiw et al. on a network: along an edge, the parts in air and in
-//! dielectrics are capacitors in series, and a conductor ends the edge where its surface is.
+//! dielectrics are capacitors in series, and a conductor ends the edge where its surface is. The other interface models,
+//! which fill whole elements, are told in [`Interface`].
 
 mod changes;
 mod comparison;
 mod coupling;
 mod crossing;
 mod depth;
+mod elements;
+mod fraction;
+mod interface;
 mod sorted;
 
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
+pub use interface::Interface;
 
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Background, Edges};
+use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::{FREE, GROUND, Terminal};
 use changes::Changes;
 use coupling::{EdgeRule, touches};
+use elements::Elements;
 use glam::DVec3;
 use sorted::SortedList;
 
@@ -41,6 +47,12 @@ pub trait Surfaces {
 
     /// Whether a point lies inside an object.
     fn contains(&self, object: usize, point: DVec3) -> bool;
+
+    /// The same, of all that was measured only by the measurement for that point: no interpolation between the pixels
+    /// of a depth camera.
+    fn contains_as_measured(&self, object: usize, point: DVec3) -> bool {
+        self.contains(object, point)
+    }
 
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
@@ -102,12 +114,14 @@ pub struct Occupancy {
     contacts: Vec<Contact>,
     changes: Changes,
     scratch: Scratch,
+    /// What fills elements, if the interface model is one of these.
+    elements: Option<Box<Elements>>,
 }
 
-/// An edge at whose end a conducting object touches an electrode.
+/// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Touch {
-    edge: u32,
+    place: u32,
     contact: Contact,
 }
 
@@ -185,7 +199,7 @@ impl Scene<'_> {
 }
 
 impl Occupancy {
-    /// Nothing is occupied.
+    /// Nothing is occupied; surfaces will cut edges.
     pub fn empty(nodes: usize, edges: usize) -> Self {
         Self {
             conductor: vec![NO_OBJECT; nodes],
@@ -204,7 +218,22 @@ impl Occupancy {
                 edge_seen: vec![0; edges],
                 frame: 0,
             },
+            elements: None,
         }
+    }
+
+    /// Nothing is occupied; `interface` tells what surfaces will do. `edges` are those along which elements weigh
+    /// anything: for models that fill elements, those of [`EdgeNetwork::of_sensor_elements`].
+    ///
+    /// [`EdgeNetwork::of_sensor_elements`]: crate::stiffness::EdgeNetwork::of_sensor_elements
+    pub fn with_interface(interface: Interface, mesh: &TetMesh, edges: &Edges) -> Self {
+        let elements = match interface {
+            Interface::EdgeCut => None,
+            Interface::Centroid | Interface::VolumeFraction => {
+                Some(Box::new(Elements::new(interface, mesh, edges)))
+            }
+        };
+        Self { elements, ..Self::empty(mesh.nodes().len(), edges.len()) }
     }
 
     /// Moves to the next frame, on the same mesh as all frames before. Of two conductors that overlap the first listed
@@ -215,14 +244,21 @@ impl Occupancy {
         self.changes.find(materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
         let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds() };
-        for region in changes.regions() {
-            mesh.edges.for_nodes_near(mesh.nodes, region, |node| self.update_node(&scene, node));
-        }
         let mut links_lost = false;
-        for region in changes.regions() {
-            mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
-                links_lost |= self.update_edge(&scene, edge, ends);
-            });
+        if let Some(mut elements) = self.elements.take() {
+            self.update_elements(&scene, changes.regions(), &mut elements);
+            self.elements = Some(elements);
+        } else {
+            for region in changes.regions() {
+                mesh.edges.for_nodes_near(mesh.nodes, region, |node| {
+                    self.set_holder(node, scene.holder(node));
+                });
+            }
+            for region in changes.regions() {
+                mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
+                    links_lost |= self.update_edge(&scene, edge, ends);
+                });
+            }
         }
         self.changes = changes;
         self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
@@ -241,6 +277,7 @@ impl Occupancy {
         if scratch.frame == 0 {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
+            self.elements.iter_mut().for_each(|elements| elements.forget_frames());
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -251,8 +288,7 @@ impl Occupancy {
         self.replaced.clear();
     }
 
-    fn update_node(&mut self, scene: &Scene<'_>, node: usize) {
-        let holder = scene.holder(node);
+    fn set_holder(&mut self, node: usize, holder: u16) {
         if holder != self.conductor[node] {
             self.conductor[node] = holder;
             self.changed_nodes.push(node as u32);
@@ -268,7 +304,7 @@ impl Occupancy {
         }
         scene.find_spans(ends, spans);
         for contact in scene.contacts(ends, spans) {
-            self.touches.add(Touch { edge: edge as u32, contact });
+            self.touches.add(Touch { place: edge as u32, contact });
         }
         let rule = EdgeRule {
             owners: ends.map(|node| self.conductor[node as usize]),
@@ -288,13 +324,14 @@ impl Occupancy {
         before.is_linked() && !coupling.is_linked()
     }
 
-    /// Contacts last where no edge was looked at again.
+    /// Contacts last where no edge, or no element, was looked at again.
     fn update_contacts(&mut self) {
         if self.touches.items().is_empty() && !self.touches.grows() {
             return;
         }
         let Scratch { edge_seen, frame, .. } = &self.scratch;
-        self.touches.merge(|touch| edge_seen[touch.edge as usize] != *frame);
+        let seen = self.elements.as_ref().map_or(&edge_seen[..], |elements| elements.seen());
+        self.touches.merge(|touch| seen[touch.place as usize] != *frame);
         self.contacts.clear();
         self.contacts.extend(self.touches.items().iter().map(|touch| touch.contact));
         self.contacts.sort_unstable();
@@ -309,6 +346,26 @@ impl Occupancy {
     /// What is left of each edge.
     pub fn couplings(&self) -> &[Coupling] {
         &self.couplings
+    }
+
+    /// Whether objects change elements, and by that edges of any weight, rather than edges that are capacitors.
+    pub fn is_of_elements(&self) -> bool {
+        self.elements.is_some()
+    }
+
+    /// Relative permittivity of each element, in conductors that without objects, and the conductor that it belongs to
+    /// or [`NO_OBJECT`]; `None` when surfaces cut edges.
+    pub fn elements(&self) -> Option<(&[f64], &[u16])> {
+        self.elements.as_ref().map(|elements| (elements.permittivity(), elements.conductors()))
+    }
+
+    /// By what factor the permittivity along an edge is raised: what multiplies its weight, but for weights that may be
+    /// negative, where it is the mean factor of the elements around.
+    pub(crate) fn contrast(&self, edge: usize) -> f64 {
+        match &self.elements {
+            Some(elements) => elements.contrast(edge),
+            None => self.couplings[edge].through,
+        }
     }
 
     /// The edges of which links are left, in increasing order.
