@@ -354,8 +354,6 @@ const CASES: &[Case] = &[
         "sensor.electrode[1].stl",
     ),
     case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
-    case("\"edge-cut\"", "\"centroid\"", "centroid", "not supported yet", "simulation.interface"),
-    case("\"edge-cut\"", "\"volume-fraction\"", "volume", "not supported yet", "simulation.interface"),
 ];
 
 #[test]

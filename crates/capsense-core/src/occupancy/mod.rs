@@ -12,6 +12,7 @@ mod depth;
 mod elements;
 mod fraction;
 mod interface;
+mod parallel;
 mod sorted;
 
 pub use coupling::{Coupling, SMALLEST_PART};
@@ -130,6 +131,8 @@ struct Touch {
 struct Scratch {
     /// Objects that the edge at hand passes through.
     spans: Vec<(u16, Span)>,
+    /// The same for lines parallel to it.
+    beside: Vec<(u16, Span)>,
     breaks: Vec<f64>,
     node_changed: Vec<bool>,
     /// The frame in which each edge was last looked at; regions overlap.
@@ -143,6 +146,8 @@ struct Scene<'a> {
     materials: &'a [Material],
     surfaces: &'a dyn Surfaces,
     bounds: &'a [Aabb],
+    /// Whether there are weak dielectrics on a lattice.
+    has_weak: bool,
 }
 
 impl Scene<'_> {
@@ -166,7 +171,10 @@ impl Scene<'_> {
 
     /// Collects the objects that an edge passes through, in the order in which they are listed.
     fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
-        let [a, b] = ends.map(|node| self.mesh.nodes[node as usize]);
+        self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
+    }
+
+    fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
         let around = Aabb { min: a.min(b), max: a.max(b) };
         spans.clear();
         for (object, bounds) in self.bounds.iter().enumerate() {
@@ -213,6 +221,7 @@ impl Occupancy {
             changes: Changes::default(),
             scratch: Scratch {
                 spans: Vec::new(),
+                beside: Vec::new(),
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edge_seen: vec![0; edges],
@@ -243,7 +252,8 @@ impl Occupancy {
         self.start_frame();
         self.changes.find(materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
-        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds() };
+        let has_weak = parallel::is_of_use(mesh.edges, materials);
+        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds(), has_weak };
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
@@ -255,7 +265,8 @@ impl Occupancy {
                 });
             }
             for region in changes.regions() {
-                mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
+                let region = if has_weak { parallel::up_to_planes(mesh.edges, region) } else { *region };
+                mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
                     links_lost |= self.update_edge(&scene, edge, ends);
                 });
             }
@@ -298,7 +309,7 @@ impl Occupancy {
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
+        let Scratch { spans, beside, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
         if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
             return false;
         }
@@ -306,13 +317,15 @@ impl Occupancy {
         for contact in scene.contacts(ends, spans) {
             self.touches.add(Touch { place: edge as u32, contact });
         }
-        let rule = EdgeRule {
-            owners: ends.map(|node| self.conductor[node as usize]),
-            spans,
-            materials: scene.materials,
-            background: scene.mesh.permittivity.at(edge),
+        let owners = ends.map(|node| self.conductor[node as usize]);
+        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        let coupling = match parallel.flatten() {
+            Some(through) => Coupling::only_through(through),
+            None => {
+                let background = scene.mesh.permittivity.at(edge);
+                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
+            }
         };
-        let coupling = rule.coupling(breaks);
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
         if moved || !coupling.is(&before) {
