@@ -93,7 +93,7 @@ impl Fields {
     ) {
         let released = |node: &u32| occupancy.conductors()[*node as usize] == NO_OBJECT;
         // Changed elements of any mesh change negative weights, along which no current can be led. A lattice has none.
-        let negative = occupancy.is_of_elements()
+        let negative = occupancy.scales_negative_weights()
             && !occupancy.changed_edges().is_empty()
             && matches!(matrix.network().edges(), Edges::List(_));
         if !self.solver.bracket_is_open(options) || negative || occupancy.changed_nodes().iter().any(released)

@@ -129,12 +129,8 @@ impl Simulator {
         interface: Interface,
     ) -> Result<Self, SimulatorError> {
         check(&sensor, &materials, &options)?;
-        let network = match interface {
-            Interface::EdgeCut => EdgeNetwork::of_sensor(&sensor),
-            Interface::Centroid | Interface::VolumeFraction => EdgeNetwork::of_sensor_elements(&sensor),
-        };
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges());
+        let (network, occupancy) = nothing_there(&sensor, &materials, interface);
         // Only multigrid has an operator of its own for lattices.
         let matrix = match options.preconditioner {
             Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
@@ -342,6 +338,24 @@ impl Simulator {
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }
+}
+
+/// The network of a sensor and what occupies it before anything does, with what `interface` needs for such objects.
+pub(crate) fn nothing_there(
+    sensor: &Sensor,
+    materials: &[Material],
+    interface: Interface,
+) -> (EdgeNetwork, Occupancy) {
+    let is_dielectric = |material: &Material| matches!(material, Material::Dielectric(_));
+    if interface == Interface::EdgeCut && !materials.iter().any(is_dielectric) {
+        let network = EdgeNetwork::of_sensor(sensor);
+        let occupancy = Occupancy::empty(sensor.mesh().nodes().len(), network.edges().len());
+        return (network, occupancy);
+    }
+    let network = EdgeNetwork::of_sensor_elements(sensor);
+    let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())
+        .with_negative_weights(sensor.mesh(), network.edges());
+    (network, occupancy)
 }
 
 /// Whether a dielectric is so polarisable that it nearly is a floating conductor.

@@ -108,7 +108,8 @@ struct Updater<'a> {
 impl<'a> Updater<'a> {
     fn new(interface: Interface, sensor: &'a Sensor, materials: &[Material]) -> Self {
         let network = EdgeNetwork::of_sensor_elements(sensor);
-        let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges());
+        let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())
+            .with_negative_weights(sensor.mesh(), network.edges());
         let matrix = StiffnessMatrix::new(network.clone(), sensor.mesh().nodes().len());
         Self { interface, sensor, network, materials: materials.to_vec(), occupancy, matrix }
     }
@@ -136,7 +137,7 @@ impl<'a> Updater<'a> {
         assert_eq!(self.occupancy.couplings(), fresh.occupancy.couplings());
         assert_eq!(self.occupancy.conductors(), fresh.occupancy.conductors());
         assert_eq!(self.occupancy.contacts(), fresh.occupancy.contacts());
-        assert!(self.occupancy.linked_edges().is_empty());
+        assert_eq!(self.occupancy.linked_edges(), fresh.occupancy.linked_edges());
         let held = |u: &Self, node: u32| u.occupancy.conductors()[node as usize];
         let moved = |node: &u32| held(self, *node) != held(&before, *node);
         let nodes = 0..self.sensor.mesh().nodes().len() as u32;
@@ -152,7 +153,8 @@ impl<'a> Updater<'a> {
         let mut rows = self.matrix.changed_rows().to_vec();
         rows.sort_unstable();
         let differs = |row: &u32| now.row(*row as usize).values() != then.row(*row as usize).values();
-        assert!(nodes.filter(differs).eq(rows), "rows");
+        // Links may lead to another object and weigh the same.
+        assert!(nodes.filter(differs).all(|row| rows.binary_search(&row).is_ok()), "rows");
     }
 
     /// K is that of the mesh with the permittivities that the elements now have.
@@ -170,8 +172,10 @@ impl<'a> Updater<'a> {
                 entries.col_indices().iter().zip(entries.values()).for_each(|(&c, v)| row[c] += sign * v);
             }
             let mut worst = 0.0;
-            for &column in [&truth, &ours].into_iter().flat_map(|matrix| matrix.row(node).col_indices()) {
-                worst = f64::max(worst, std::mem::take(&mut row[column]).abs());
+            for matrix in [&truth, &ours] {
+                for &column in matrix.row(node).col_indices() {
+                    worst = f64::max(worst, std::mem::take(&mut row[column]).abs());
+                }
             }
             assert!(worst < 1e-11 * size, "row {node}: {worst} of {size}");
         }
@@ -194,7 +198,7 @@ proptest! {
     fn frames_leave_no_trace(seed in any::<u64>(), width in 1..60usize, height in 1..60usize) {
         let mut dice = Dice(seed);
         let materials = [dielectric(4.0), GROUNDED, dielectric(30.0)];
-        for interface in OF_ELEMENTS {
+        for interface in ALL {
             let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(interface, sensor, &materials));
             for _ in 0..4 {
                 let boxes = [0; 3].map(|_| {
@@ -206,7 +210,9 @@ proptest! {
                 let convex = random_convex(&mut dice);
                 updaters.iter_mut().for_each(|updater| updater.step_checked(&convex));
             }
-            updaters.iter().for_each(Updater::assert_is_assembled);
+            if interface != Interface::EdgeCut {
+                updaters.iter().for_each(Updater::assert_is_assembled);
+            }
         }
     }
 }

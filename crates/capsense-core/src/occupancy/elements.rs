@@ -13,7 +13,7 @@ use crate::sensor::{FREE, GROUND};
 use glam::DVec3;
 
 /// Stands in for the number of an edge that is none, because no element weighs anything along it.
-const NO_EDGE: u32 = u32::MAX;
+pub(super) const NO_EDGE: u32 = u32::MAX;
 
 /// From this filled part on, conductors take an element.
 const HALF: f64 = 0.5;
@@ -55,14 +55,14 @@ struct Tables {
 
 /// Many lists, one after the other.
 #[derive(Clone, Debug)]
-struct Lists<T> {
+pub(super) struct Lists<T> {
     starts: Vec<u32>,
     items: Vec<T>,
 }
 
 impl<T: Copy + Default> Lists<T> {
     /// Sorts items into lists; in each they stay in order.
-    fn new(count: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
+    pub(super) fn new(count: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
         let mut starts = vec![0; count + 1];
         items.clone().for_each(|(list, _)| starts[list + 1] += 1);
         for list in 0..count {
@@ -77,7 +77,7 @@ impl<T: Copy + Default> Lists<T> {
         Self { starts, items: sorted }
     }
 
-    fn of(&self, list: usize) -> &[T] {
+    pub(super) fn of(&self, list: usize) -> &[T] {
         &self.items[self.starts[list] as usize..self.starts[list + 1] as usize]
     }
 }
@@ -121,7 +121,7 @@ impl Tables {
 }
 
 /// The numbers of an element's six edges, in the order of [`EdgeShare::of_element`].
-fn edges_of(tet: [u32; 4], edges: &Edges) -> [u32; 6] {
+pub(super) fn edges_of(tet: [u32; 4], edges: &Edges) -> [u32; 6] {
     [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]].map(|[i, j]| {
         let wanted = [tet[i].min(tet[j]), tet[i].max(tet[j])];
         let mut found = NO_EDGE;

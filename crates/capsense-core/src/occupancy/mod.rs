@@ -12,6 +12,7 @@ mod depth;
 mod elements;
 mod fraction;
 mod interface;
+mod negative;
 mod parallel;
 mod sorted;
 
@@ -27,6 +28,7 @@ use changes::Changes;
 use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
+use negative::NegativeWeights;
 use sorted::SortedList;
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
@@ -117,6 +119,8 @@ pub struct Occupancy {
     scratch: Scratch,
     /// What fills elements, if the interface model is one of these.
     elements: Option<Box<Elements>>,
+    /// Negative weights that dielectrics are to scale.
+    negative: Option<Box<NegativeWeights>>,
 }
 
 /// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
@@ -228,7 +232,18 @@ impl Occupancy {
                 frame: 0,
             },
             elements: None,
+            negative: None,
         }
+    }
+
+    /// The same for a mesh with obtuse angles in which there will be dielectrics: they scale negative weights too.
+    #[must_use]
+    pub fn with_negative_weights(self, mesh: &TetMesh, edges: &Edges) -> Self {
+        let negative = match (edges, &self.elements) {
+            (Edges::List(_), None) => NegativeWeights::new(mesh, edges).map(Box::new),
+            _ => None,
+        };
+        Self { negative, ..self }
     }
 
     /// Nothing is occupied; `interface` tells what surfaces will do. `edges` are those along which elements weigh
@@ -271,6 +286,10 @@ impl Occupancy {
                 });
             }
         }
+        if let Some(mut negative) = self.negative.take() {
+            links_lost |= self.update_negative(mesh.edges, &mut negative);
+            self.negative = Some(negative);
+        }
         self.changes = changes;
         self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.iter().map(|(edge, _)| *edge));
@@ -289,6 +308,7 @@ impl Occupancy {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
+            self.negative.iter_mut().for_each(|negative| negative.forget_frames());
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -309,7 +329,7 @@ impl Occupancy {
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, beside, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
+        let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
         if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
             return false;
         }
@@ -326,6 +346,16 @@ impl Occupancy {
                 EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
             }
         };
+        if let Some(negative) = self.negative.as_mut().filter(|negative| negative.concern(edge)) {
+            negative.take(edge, owners, coupling);
+            return false;
+        }
+        self.couple(edge, ends, coupling)
+    }
+
+    /// Couples an edge and returns whether it had a link and has none now.
+    fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
+        let node_changed = &self.scratch.node_changed;
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
         if moved || !coupling.is(&before) {
@@ -361,9 +391,9 @@ impl Occupancy {
         &self.couplings
     }
 
-    /// Whether objects change elements, and by that edges of any weight, rather than edges that are capacitors.
-    pub fn is_of_elements(&self) -> bool {
-        self.elements.is_some()
+    /// Whether objects scale weights of any sign, rather than those of capacitors alone.
+    pub fn scales_negative_weights(&self) -> bool {
+        self.elements.is_some() || self.negative.is_some()
     }
 
     /// Relative permittivity of each element, in conductors that without objects, and the conductor that it belongs to
@@ -375,9 +405,10 @@ impl Occupancy {
     /// By what factor the permittivity along an edge is raised: what multiplies its weight, but for weights that may be
     /// negative, where it is the mean factor of the elements around.
     pub(crate) fn contrast(&self, edge: usize) -> f64 {
-        match &self.elements {
-            Some(elements) => elements.contrast(edge),
-            None => self.couplings[edge].through,
+        match (&self.elements, &self.negative) {
+            (Some(elements), _) => elements.contrast(edge),
+            (None, Some(negative)) if negative.concern(edge) => negative.factor(edge),
+            _ => self.couplings[edge].through,
         }
     }
 

@@ -257,7 +257,7 @@ fn weights_out_of(
             let other = ends[1 - end];
             if root(parent, other) != nodes[0] {
                 let base = network.weights()[edge];
-                let is_scaled = base > 0.0 || occupancy.is_of_elements();
+                let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
                 let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
                 outward.push((Some(other), weight));
             }
