@@ -284,7 +284,7 @@ fn weights_that_cancel_in_air_come_back_in_a_dielectric() {
 fn an_element_that_is_filled_has_exactly_the_permittivity_of_the_object() {
     for sensor in &*MESHES {
         let mut updater = Updater::new(Interface::VolumeFraction, sensor, &[dielectric(7.3)]);
-        let block = Aabb { max: DVec3::new(0.08, 0.08, 0.16), ..bar(0.05, 0.0) };
+        let block = Aabb { min: DVec3::new(-0.21, -0.21, 0.03), max: DVec3::new(0.2, 0.2, 0.41) };
         let within = Aabb { min: block.min + 1e-9, max: block.max - 1e-9 };
         updater.step(&Convex::boxes(&[block]));
         let (permittivity, _) = updater.occupancy.elements().unwrap();
@@ -359,8 +359,9 @@ fn roughness(interface: Interface, sensor: &Sensor, material: Material) -> f64 {
         Simulator::with_interface(sensor.clone(), vec![material], options, interface).unwrap();
     let values: Vec<f64> = (0..60)
         .map(|step| {
-            let height = 0.045 - 0.25e-3 * f64::from(step);
-            let _ = simulator.step(&Convex::boxes(&[bar(height, 0.004)])).unwrap();
+            let centre = DVec3::new(0.01, 0.004, 0.1 - 0.25e-3 * f64::from(step));
+            let body = Convex::turned(DVec3::new(0.08, 0.07, 0.05), DVec3::new(1.0, 2.0, 3.0), 0.3, centre);
+            let _ = simulator.step(&body).unwrap();
             simulator.capacitance().get(0, 0)
         })
         .collect();
