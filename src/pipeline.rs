@@ -73,7 +73,8 @@ impl Pipeline {
     /// When the mesh cannot resolve the sensor, the objects cannot be drawn, or the solver fails.
     pub fn new(scene: &Scene) -> Result<Self, PipelineError> {
         let materials = scene.objects.iter().map(|object| object.material).collect();
-        let simulator = Simulator::new(scene.build_sensor()?, materials, scene.solver)?;
+        let simulator =
+            Simulator::with_interface(scene.build_sensor()?, materials, scene.solver, scene.interface)?;
         let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
         Ok(Self {
             renderer: DepthRenderer::new(Backend::Auto, scene.view, &shapes)?,

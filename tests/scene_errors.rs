@@ -347,8 +347,6 @@ const CASES: &[Case] = &[
         "mesh.generate.kind",
     ),
     case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
-    case("\"edge-cut\"", "\"centroid\"", "centroid", "not supported yet", "simulation.interface"),
-    case("\"edge-cut\"", "\"volume-fraction\"", "volume", "not supported yet", "simulation.interface"),
 ];
 
 #[test]

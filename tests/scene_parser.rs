@@ -6,6 +6,7 @@ mod common;
 use capsense::Scene;
 use capsense::core::glam::DVec3;
 use capsense::core::material::{Connection, Material};
+use capsense::core::occupancy::Interface;
 use capsense::scene::SceneSensor;
 use common::{MESH_SCENE, SCENE};
 use proptest::prelude::*;
@@ -90,6 +91,10 @@ fn variants_of_the_contract_are_understood() {
     assert!(one_layer.back_fill, "one layer has no back");
     assert!(parse(&SCENE.replace("back_fill = false", "back_fill = true")).back_fill);
     assert!(parse(&SCENE.replace("threads = 0", "threads = 8")).threads == 8);
+    for interface in [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction] {
+        let text = SCENE.replace("\"edge-cut\"", &format!("{:?}", interface.name()));
+        assert_eq!(parse(&text).interface, interface);
+    }
     assert_eq!(parse(SCENE).frames, 5);
 
     let least = "[[sensor.electrode]]\nname = \"E\"\npolygon = [[0, 0], [0.1, 0], [0, 0.1]]\n";

@@ -108,7 +108,7 @@ impl<'a> Report<'a> {
             domain: Domain { min: scene.domain.min.to_array(), max: scene.domain.max.to_array() },
             method: Method {
                 geometry: "camera",
-                interface: "edge-cut",
+                interface: scene.interface.name(),
                 pixels: [scene.view.width, scene.view.height],
                 back_fill: scene.back_fill,
                 renderer: pipeline.renderer(),

@@ -22,11 +22,11 @@ use crate::motion::frames_until_end;
 use capsense_core::electrode::Electrode;
 use capsense_core::geometry::Aabb;
 use capsense_core::mesh::TetMesh;
-use capsense_core::occupancy::OrthographicView;
+use capsense_core::occupancy::{Interface, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use check::Checker;
-use raw::{RawElectrode, RawPreconditioner, RawScene};
+use raw::{RawElectrode, RawInterface, RawPreconditioner, RawScene};
 use std::path::Path;
 
 /// The scene that runs when none is named: a grounded steel bar sweeps past three stripe electrodes.
@@ -62,6 +62,8 @@ pub struct Scene {
     pub view: OrthographicView,
     /// Whether all that lies behind an object's front surface belongs to it.
     pub back_fill: bool,
+    /// What surfaces of objects do to the mesh.
+    pub interface: Interface,
     /// The objects, in the order of the file.
     pub objects: Vec<SceneObject>,
     /// Frames per second of scene time.
@@ -198,6 +200,11 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         electrodes,
         view,
         back_fill,
+        interface: match raw.simulation.interface {
+            None | Some(RawInterface::EdgeCut) => Interface::EdgeCut,
+            Some(RawInterface::Centroid) => Interface::Centroid,
+            Some(RawInterface::VolumeFraction) => Interface::VolumeFraction,
+        },
         objects,
         frame_rate,
         frames,

@@ -3,6 +3,7 @@
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
+use crate::mesh::Edges;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
 use crate::solver::{EdgeFields, FieldSolver, SolveError, SolveReport, SolverOptions};
@@ -82,7 +83,8 @@ impl Fields {
     }
 
     /// Bounds what the changes of a frame do, before conductors move. Gives up as soon as the bounds are too far apart to
-    /// be of use, or when a conductor releases a node, because its charge then has nowhere to go.
+    /// be of use, or when a conductor releases a node, because its charge then has nowhere to go, or when elements change
+    /// other weights than those of capacitors.
     pub(crate) fn bracket(
         &mut self,
         matrix: &StiffnessMatrix,
@@ -91,7 +93,12 @@ impl Fields {
         options: &SolverOptions,
     ) {
         let released = |node: &u32| occupancy.conductors()[*node as usize] == NO_OBJECT;
-        if !self.solver.bracket_is_open(options) || occupancy.changed_nodes().iter().any(released) {
+        // Changed elements of any mesh change negative weights, along which no current can be led. A lattice has none.
+        let negative = occupancy.scales_negative_weights()
+            && !occupancy.changed_edges().is_empty()
+            && matches!(matrix.network().edges(), Edges::List(_));
+        if !self.solver.bracket_is_open(options) || negative || occupancy.changed_nodes().iter().any(released)
+        {
             self.solver.bracket_mut().is_lost = true;
             return;
         }

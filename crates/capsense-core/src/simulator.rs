@@ -4,7 +4,7 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::estimate::discretisation_error;
 use crate::fields::Fields;
 use crate::material::{Connection, Material};
-use crate::occupancy::{Contact, EdgeGeometry, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
+use crate::occupancy::{Contact, EdgeGeometry, Interface, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor};
 use crate::solver::{CONTRAST, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
@@ -106,7 +106,7 @@ pub struct Simulator {
 }
 
 impl Simulator {
-    /// Assembles the stiffness matrix and solves the empty scene.
+    /// Assembles the stiffness matrix and solves the empty scene. Surfaces of objects will cut mesh edges.
     ///
     /// # Errors
     /// When the options or a material's values are out of range, or the empty scene cannot be solved.
@@ -115,10 +115,22 @@ impl Simulator {
         materials: Vec<Material>,
         options: SolverOptions,
     ) -> Result<Self, SimulatorError> {
+        Self::with_interface(sensor, materials, options, Interface::EdgeCut)
+    }
+
+    /// The same with another interface model.
+    ///
+    /// # Errors
+    /// As [`Simulator::new`].
+    pub fn with_interface(
+        sensor: Sensor,
+        materials: Vec<Material>,
+        options: SolverOptions,
+        interface: Interface,
+    ) -> Result<Self, SimulatorError> {
         check(&sensor, &materials, &options)?;
-        let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.edges().len());
+        let (network, occupancy) = nothing_there(&sensor, &materials, interface);
         // Only multigrid has an operator of its own for lattices.
         let matrix = match options.preconditioner {
             Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
@@ -329,6 +341,24 @@ impl Simulator {
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }
+}
+
+/// The network of a sensor and what occupies it before anything does, with what `interface` needs for such objects.
+pub(crate) fn nothing_there(
+    sensor: &Sensor,
+    materials: &[Material],
+    interface: Interface,
+) -> (EdgeNetwork, Occupancy) {
+    let is_dielectric = |material: &Material| matches!(material, Material::Dielectric(_));
+    if interface == Interface::EdgeCut && !materials.iter().any(is_dielectric) {
+        let network = EdgeNetwork::of_sensor(sensor);
+        let occupancy = Occupancy::empty(sensor.mesh().nodes().len(), network.edges().len());
+        return (network, occupancy);
+    }
+    let network = EdgeNetwork::of_sensor_elements(sensor);
+    let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())
+        .with_negative_weights(sensor.mesh(), network.edges());
+    (network, occupancy)
 }
 
 /// Whether a dielectric is so polarisable that it nearly is a floating conductor.

@@ -6,10 +6,11 @@ use super::conjugate_gradients::{ConjugateGradients, dot};
 use super::{BaselineError, BaselineReport, CgOptions};
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
-use crate::occupancy::{EdgeGeometry, NO_OBJECT, Occupancy, Surfaces};
+use crate::occupancy::{EdgeGeometry, Interface, NO_OBJECT, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor, Terminal};
+use crate::simulator::nothing_there;
 use crate::solver::IncompleteCholesky;
-use crate::stiffness::{EdgeNetwork, LANES, StiffnessMatrix};
+use crate::stiffness::{LANES, StiffnessMatrix};
 use crate::units::VACUUM_PERMITTIVITY;
 
 /// Preconditioned conjugate gradients on one level. Meant for sensors that are no lattice; on a lattice the matrix is
@@ -41,9 +42,8 @@ impl Ic0Method {
     /// # Errors
     /// When the matrix has more entries than can be numbered.
     pub fn new(sensor: Sensor, materials: Vec<Material>, options: CgOptions) -> Result<Self, BaselineError> {
-        let network = EdgeNetwork::of_sensor(&sensor);
         let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.edges().len());
+        let (network, occupancy) = nothing_there(&sensor, &materials, Interface::EdgeCut);
         let stiffness = StiffnessMatrix::in_rows(network, nodes);
         let csr = stiffness.to_csr();
         let electrodes = sensor.electrode_names().len();

@@ -17,7 +17,7 @@ const SMALLEST: DVec3 = DVec3::splat(1e-100);
 
 /// The boxes that overlap each bin, by their numbers.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Bins {
+pub(crate) struct Bins {
     low: DVec3,
     bins_per_metre: DVec3,
     last: USizeVec3,
@@ -28,7 +28,7 @@ pub(super) struct Bins {
 
 impl Bins {
     /// Sorts `count` boxes; `bounds` tells where each is.
-    pub(super) fn new(count: usize, bounds: impl Fn(usize) -> Aabb) -> Self {
+    pub(crate) fn new(count: usize, bounds: impl Fn(usize) -> Aabb) -> Self {
         let all =
             (0..count).map(&bounds).fold(Aabb::EMPTY, |all, one| all.including(one.min).including(one.max));
         let size = all.size().max(DVec3::splat(FLATTEST * all.size().max_element()).max(SMALLEST));
@@ -62,7 +62,7 @@ impl Bins {
     }
 
     /// Visits at least all boxes that touch a region, some of them several times.
-    pub(super) fn for_boxes_near(&self, region: &Aabb, mut visit: impl FnMut(u32)) {
+    pub(crate) fn for_boxes_near(&self, region: &Aabb, mut visit: impl FnMut(u32)) {
         self.for_bins(region, |bin| {
             let boxes = self.starts[bin] as usize..self.starts[bin + 1] as usize;
             self.boxes[boxes].iter().copied().for_each(&mut visit);

@@ -3,13 +3,18 @@
 mod background;
 mod bins;
 mod edges;
+mod gradients;
 mod lattice;
 mod quality;
 
 pub use background::Background;
 pub use edges::{EdgeList, Edges};
+pub use gradients::barycentric_gradients;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use quality::MeshQuality;
+
+pub(crate) use bins::Bins;
+pub(crate) use gradients::{CANCELLED, EdgeShare};
 
 use crate::geometry::Aabb;
 use glam::DVec3;

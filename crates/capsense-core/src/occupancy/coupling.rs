@@ -23,7 +23,7 @@ impl Coupling {
     /// An edge that no object touches.
     pub const PLAIN: Self = Self::only_through(1.0);
 
-    const fn only_through(through: f64) -> Self {
+    pub(super) const fn only_through(through: f64) -> Self {
         Self { through, factor: [0.0; 2], object: [NO_OBJECT; 2] }
     }
 

@@ -250,6 +250,12 @@ impl Surfaces for DepthLayers {
         self.is_inside(object, point)
     }
 
+    fn contains_as_measured(&self, object: usize, point: DVec3) -> bool {
+        let pixel = self.view().pixel_of(point);
+        let [front, back] = [self.front(object), self.back(object)].map(|layer| f64::from(layer[pixel]));
+        front < point.z && point.z < back
+    }
+
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.span_between(object, a, b)
     }

@@ -1,25 +1,34 @@
 //! Which nodes lie in which object, and how objects change the mesh edges that their surfaces cut.
 //!
 //! The edge rule is the ghost-fluid idea of Gibou, Fedkiw et al. on a network: along an edge, the parts in air and in
-//! dielectrics are capacitors in series, and a conductor ends the edge where its surface is.
+//! dielectrics are capacitors in series, and a conductor ends the edge where its surface is. The other interface models,
+//! which fill whole elements, are told in [`Interface`].
 
 mod changes;
 mod comparison;
 mod coupling;
 mod crossing;
 mod depth;
+mod elements;
+mod fraction;
+mod interface;
+mod negative;
+mod parallel;
 mod sorted;
 
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
+pub use interface::Interface;
 
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Background, Edges};
+use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::{FREE, GROUND, Terminal};
 use changes::Changes;
 use coupling::{EdgeRule, touches};
+use elements::Elements;
 use glam::DVec3;
+use negative::NegativeWeights;
 use sorted::SortedList;
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
@@ -41,6 +50,12 @@ pub trait Surfaces {
 
     /// Whether a point lies inside an object.
     fn contains(&self, object: usize, point: DVec3) -> bool;
+
+    /// The same, of all that was measured only by the measurement for that point: no interpolation between the pixels
+    /// of a depth camera.
+    fn contains_as_measured(&self, object: usize, point: DVec3) -> bool {
+        self.contains(object, point)
+    }
 
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
@@ -102,12 +117,16 @@ pub struct Occupancy {
     contacts: Vec<Contact>,
     changes: Changes,
     scratch: Scratch,
+    /// What fills elements, if the interface model is one of these.
+    elements: Option<Box<Elements>>,
+    /// Negative weights that dielectrics are to scale.
+    negative: Option<Box<NegativeWeights>>,
 }
 
-/// An edge at whose end a conducting object touches an electrode.
+/// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Touch {
-    edge: u32,
+    place: u32,
     contact: Contact,
 }
 
@@ -116,6 +135,8 @@ struct Touch {
 struct Scratch {
     /// Objects that the edge at hand passes through.
     spans: Vec<(u16, Span)>,
+    /// The same for lines parallel to it.
+    beside: Vec<(u16, Span)>,
     breaks: Vec<f64>,
     node_changed: Vec<bool>,
     /// The frame in which each edge was last looked at; regions overlap.
@@ -129,6 +150,8 @@ struct Scene<'a> {
     materials: &'a [Material],
     surfaces: &'a dyn Surfaces,
     bounds: &'a [Aabb],
+    /// Whether there are weak dielectrics on a lattice.
+    has_weak: bool,
 }
 
 impl Scene<'_> {
@@ -152,7 +175,10 @@ impl Scene<'_> {
 
     /// Collects the objects that an edge passes through, in the order in which they are listed.
     fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
-        let [a, b] = ends.map(|node| self.mesh.nodes[node as usize]);
+        self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
+    }
+
+    fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
         let around = Aabb { min: a.min(b), max: a.max(b) };
         spans.clear();
         for (object, bounds) in self.bounds.iter().enumerate() {
@@ -185,7 +211,7 @@ impl Scene<'_> {
 }
 
 impl Occupancy {
-    /// Nothing is occupied.
+    /// Nothing is occupied; surfaces will cut edges.
     pub fn empty(nodes: usize, edges: usize) -> Self {
         Self {
             conductor: vec![NO_OBJECT; nodes],
@@ -199,12 +225,39 @@ impl Occupancy {
             changes: Changes::default(),
             scratch: Scratch {
                 spans: Vec::new(),
+                beside: Vec::new(),
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edge_seen: vec![0; edges],
                 frame: 0,
             },
+            elements: None,
+            negative: None,
         }
+    }
+
+    /// The same for a mesh with obtuse angles in which there will be dielectrics: they scale negative weights too.
+    #[must_use]
+    pub fn with_negative_weights(self, mesh: &TetMesh, edges: &Edges) -> Self {
+        let negative = match (edges, &self.elements) {
+            (Edges::List(_), None) => NegativeWeights::new(mesh, edges).map(Box::new),
+            _ => None,
+        };
+        Self { negative, ..self }
+    }
+
+    /// Nothing is occupied; `interface` tells what surfaces will do. `edges` are those along which elements weigh
+    /// anything: for models that fill elements, those of [`EdgeNetwork::of_sensor_elements`].
+    ///
+    /// [`EdgeNetwork::of_sensor_elements`]: crate::stiffness::EdgeNetwork::of_sensor_elements
+    pub fn with_interface(interface: Interface, mesh: &TetMesh, edges: &Edges) -> Self {
+        let elements = match interface {
+            Interface::EdgeCut => None,
+            Interface::Centroid | Interface::VolumeFraction => {
+                Some(Box::new(Elements::new(interface, mesh, edges)))
+            }
+        };
+        Self { elements, ..Self::empty(mesh.nodes().len(), edges.len()) }
     }
 
     /// Moves to the next frame, on the same mesh as all frames before. Of two conductors that overlap the first listed
@@ -214,15 +267,28 @@ impl Occupancy {
         self.start_frame();
         self.changes.find(materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
-        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds() };
-        for region in changes.regions() {
-            mesh.edges.for_nodes_near(mesh.nodes, region, |node| self.update_node(&scene, node));
-        }
+        let has_weak = parallel::is_of_use(mesh.edges, materials);
+        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds(), has_weak };
         let mut links_lost = false;
-        for region in changes.regions() {
-            mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
-                links_lost |= self.update_edge(&scene, edge, ends);
-            });
+        if let Some(mut elements) = self.elements.take() {
+            self.update_elements(&scene, changes.regions(), &mut elements);
+            self.elements = Some(elements);
+        } else {
+            for region in changes.regions() {
+                mesh.edges.for_nodes_near(mesh.nodes, region, |node| {
+                    self.set_holder(node, scene.holder(node));
+                });
+            }
+            for region in changes.regions() {
+                let region = if has_weak { parallel::up_to_planes(mesh.edges, region) } else { *region };
+                mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
+                    links_lost |= self.update_edge(&scene, edge, ends);
+                });
+            }
+        }
+        if let Some(mut negative) = self.negative.take() {
+            links_lost |= self.update_negative(mesh.edges, &mut negative);
+            self.negative = Some(negative);
         }
         self.changes = changes;
         self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
@@ -241,6 +307,8 @@ impl Occupancy {
         if scratch.frame == 0 {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
+            self.elements.iter_mut().for_each(|elements| elements.forget_frames());
+            self.negative.iter_mut().for_each(|negative| negative.forget_frames());
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -251,8 +319,7 @@ impl Occupancy {
         self.replaced.clear();
     }
 
-    fn update_node(&mut self, scene: &Scene<'_>, node: usize) {
-        let holder = scene.holder(node);
+    fn set_holder(&mut self, node: usize, holder: u16) {
         if holder != self.conductor[node] {
             self.conductor[node] = holder;
             self.changed_nodes.push(node as u32);
@@ -262,21 +329,33 @@ impl Occupancy {
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, breaks, node_changed, edge_seen, frame } = &mut self.scratch;
+        let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
         if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
             return false;
         }
         scene.find_spans(ends, spans);
         for contact in scene.contacts(ends, spans) {
-            self.touches.add(Touch { edge: edge as u32, contact });
+            self.touches.add(Touch { place: edge as u32, contact });
         }
-        let rule = EdgeRule {
-            owners: ends.map(|node| self.conductor[node as usize]),
-            spans,
-            materials: scene.materials,
-            background: scene.mesh.permittivity.at(edge),
+        let owners = ends.map(|node| self.conductor[node as usize]);
+        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        let coupling = match parallel.flatten() {
+            Some(through) => Coupling::only_through(through),
+            None => {
+                let background = scene.mesh.permittivity.at(edge);
+                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
+            }
         };
-        let coupling = rule.coupling(breaks);
+        if let Some(negative) = self.negative.as_mut().filter(|negative| negative.concern(edge)) {
+            negative.take(edge, owners, coupling);
+            return false;
+        }
+        self.couple(edge, ends, coupling)
+    }
+
+    /// Couples an edge and returns whether it had a link and has none now.
+    fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
+        let node_changed = &self.scratch.node_changed;
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
         if moved || !coupling.is(&before) {
@@ -288,13 +367,14 @@ impl Occupancy {
         before.is_linked() && !coupling.is_linked()
     }
 
-    /// Contacts last where no edge was looked at again.
+    /// Contacts last where no edge, or no element, was looked at again.
     fn update_contacts(&mut self) {
         if self.touches.items().is_empty() && !self.touches.grows() {
             return;
         }
         let Scratch { edge_seen, frame, .. } = &self.scratch;
-        self.touches.merge(|touch| edge_seen[touch.edge as usize] != *frame);
+        let seen = self.elements.as_ref().map_or(&edge_seen[..], |elements| elements.seen());
+        self.touches.merge(|touch| seen[touch.place as usize] != *frame);
         self.contacts.clear();
         self.contacts.extend(self.touches.items().iter().map(|touch| touch.contact));
         self.contacts.sort_unstable();
@@ -309,6 +389,27 @@ impl Occupancy {
     /// What is left of each edge.
     pub fn couplings(&self) -> &[Coupling] {
         &self.couplings
+    }
+
+    /// Whether objects scale weights of any sign, rather than those of capacitors alone.
+    pub fn scales_negative_weights(&self) -> bool {
+        self.elements.is_some() || self.negative.is_some()
+    }
+
+    /// Relative permittivity of each element, in conductors that without objects, and the conductor that it belongs to
+    /// or [`NO_OBJECT`]; `None` when surfaces cut edges.
+    pub fn elements(&self) -> Option<(&[f64], &[u16])> {
+        self.elements.as_ref().map(|elements| (elements.permittivity(), elements.conductors()))
+    }
+
+    /// By what factor the permittivity along an edge is raised: what multiplies its weight, but for weights that may be
+    /// negative, where it is the mean factor of the elements around.
+    pub(crate) fn contrast(&self, edge: usize) -> f64 {
+        match (&self.elements, &self.negative) {
+            (Some(elements), _) => elements.contrast(edge),
+            (None, Some(negative)) if negative.concern(edge) => negative.factor(edge),
+            _ => self.couplings[edge].through,
+        }
     }
 
     /// The edges of which links are left, in increasing order.

@@ -80,7 +80,7 @@ impl Islands {
             self.parent[node as usize] = node;
         }
         for &edge in &self.strong {
-            if occupancy.couplings()[edge as usize].through < contrast {
+            if occupancy.contrast(edge as usize) < contrast {
                 continue;
             }
             let [a, b] = matrix.network().edges().ends_of_existing(edge as usize);
@@ -113,7 +113,7 @@ impl Islands {
         for &node in changed {
             edges.for_edges_at(node as usize, |edge, _| {
                 let is_strong_now =
-                    occupancy.couplings()[edge].through >= CONTRAST && edges.ends(edge).is_some_and(are_free);
+                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= CONTRAST;
                 if is_strong_now && !is_strong[edge] {
                     strong.push(edge as u32);
                 }
@@ -257,7 +257,8 @@ fn weights_out_of(
             let other = ends[1 - end];
             if root(parent, other) != nodes[0] {
                 let base = network.weights()[edge];
-                let weight = if base > 0.0 { base * occupancy.couplings()[edge].through } else { base };
+                let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
+                let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
                 outward.push((Some(other), weight));
             }
         });

@@ -127,8 +127,8 @@ impl StiffnessMatrix {
         for &(edge, before) in occupancy.replaced_couplings() {
             let edge = edge as usize;
             let base = self.network.weights()[edge];
-            // Negative weights are no capacitors; they are left as they are.
-            if base > 0.0 {
+            // For the edge rule negative weights are no capacitors; they are left as they are.
+            if base > 0.0 || occupancy.scales_negative_weights() {
                 let ends = self.network.edges().ends_of_existing(edge);
                 self.set_weight(edge, ends, base * couplings[edge].through);
                 let now = couplings[edge];

@@ -4,14 +4,12 @@
 //! w_ij = -Σ_e ε_e ∫_e ∇λ_i·∇λ_j, relative permittivity times length, in metres. Edges without a weight, such as the
 //! diagonals of Kuhn tetrahedra, are left out.
 
-use crate::mesh::{Background, EdgeList, Edges, Lattice, TetMesh, signed_volume};
+use crate::mesh::{Background, CANCELLED, EdgeList, EdgeShare, Edges, Lattice, TetMesh};
 use crate::occupancy::SMALLEST_PART;
 use crate::rim::RimLink;
 use crate::sensor::Sensor;
-use glam::DVec3;
 
-/// Weights below this part of the sum of their elements' contributions are rounding errors of zero.
-const CANCELLED: f64 = 1e-12;
+pub use crate::mesh::barycentric_gradients;
 
 /// The edges of a mesh and their weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,29 +30,33 @@ struct Contribution {
     weight: f64,
     /// Size of the factors that made the weight.
     magnitude: f64,
+    /// Whether the weight is more than a rounding error.
+    counts: bool,
 }
 
 impl EdgeNetwork {
     /// Assembles the network of any mesh: its edges that carry a weight, ordered by their first, then second node.
     pub fn assemble(mesh: &TetMesh) -> Self {
+        Self::assemble_with(mesh, false)
+    }
+
+    /// With `keep_cancelled`, edges stay whose elements' contributions cancel, as they do not where objects give these
+    /// elements other permittivities. Such an edge has the weight that is the bound of what counts as none.
+    fn assemble_with(mesh: &TetMesh, keep_cancelled: bool) -> Self {
         let mut contributions = Vec::with_capacity(6 * mesh.tets().len());
         for (element, (tet, permittivity)) in
             mesh.tets().iter().zip(mesh.relative_permittivity().iter()).enumerate()
         {
-            let corners = mesh.corners(element);
-            let volume = signed_volume(corners);
-            let gradients = barycentric_gradients(corners);
-            for i in 0..4 {
-                for j in i + 1..4 {
-                    let vacuum = -volume * gradients[i].dot(gradients[j]);
-                    contributions.push(Contribution {
-                        ends: [tet[i].min(tet[j]), tet[i].max(tet[j])],
-                        vacuum,
-                        weight: permittivity * vacuum,
-                        magnitude: permittivity * volume * gradients[i].length() * gradients[j].length(),
-                    });
+            contributions.extend(EdgeShare::of_element(mesh.corners(element)).map(|share| {
+                let [a, b] = share.corners.map(|corner| tet[corner]);
+                Contribution {
+                    ends: [a.min(b), a.max(b)],
+                    vacuum: share.weight,
+                    weight: permittivity * share.weight,
+                    magnitude: permittivity * share.magnitude,
+                    counts: share.counts(),
                 }
-            }
+            }));
         }
         // Stable, so that each edge is summed in the order of its elements on every run.
         contributions.sort_by_key(|c| c.ends);
@@ -62,10 +64,15 @@ impl EdgeNetwork {
         for of_edge in contributions.chunk_by(|a, b| a.ends == b.ends) {
             let sum = |part: fn(&Contribution) -> f64| of_edge.iter().map(part).sum::<f64>();
             let (weight, vacuum) = (sum(|c| c.weight), sum(|c| c.vacuum));
-            if weight.abs() > CANCELLED * sum(|c| c.magnitude) {
+            let none = CANCELLED * sum(|c| c.magnitude);
+            if weight.abs() > none {
                 ends.push(of_edge[0].ends);
                 weights.push(weight);
                 permittivity.push(mean_permittivity(weight, vacuum));
+            } else if keep_cancelled && of_edge.iter().any(|c| c.counts) {
+                ends.push(of_edge[0].ends);
+                weights.push(none);
+                permittivity.push(1.0);
             }
         }
         Self {
@@ -112,9 +119,19 @@ impl EdgeNetwork {
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
     /// their part outside.
     pub fn of_sensor(sensor: &Sensor) -> Self {
+        Self::of_sensor_with(sensor, false)
+    }
+
+    /// The same with all edges along which an element alone has a weight, for the interface models that change the
+    /// permittivities of elements. Where these weights cancel, there is one too small to matter.
+    pub fn of_sensor_elements(sensor: &Sensor) -> Self {
+        Self::of_sensor_with(sensor, true)
+    }
+
+    fn of_sensor_with(sensor: &Sensor, keep_cancelled: bool) -> Self {
         let mut network = match sensor.lattice() {
             Some(lattice) => Self::assemble_lattice(lattice, sensor.mesh().relative_permittivity()),
-            None => Self::assemble(sensor.mesh()),
+            None => Self::assemble_with(sensor.mesh(), keep_cancelled),
         };
         for (edge, weight) in network.weights.iter_mut().enumerate() {
             if let Some(outside) = network.edges.ends(edge).and_then(|ends| sensor.outside_part_of_edge(ends))
@@ -158,14 +175,4 @@ impl EdgeNetwork {
 fn mean_permittivity(weight: f64, vacuum: f64) -> f64 {
     let ratio = weight / vacuum;
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
-}
-
-/// Gradients of the four barycentric coordinates of a tetrahedron, 1/m.
-pub fn barycentric_gradients([a, b, c, d]: [DVec3; 4]) -> [DVec3; 4] {
-    let (u, v, w) = (b - a, c - a, d - a);
-    let determinant = u.cross(v).dot(w);
-    let of_b = v.cross(w) / determinant;
-    let of_c = w.cross(u) / determinant;
-    let of_d = u.cross(v) / determinant;
-    [-(of_b + of_c + of_d), of_b, of_c, of_d]
 }
