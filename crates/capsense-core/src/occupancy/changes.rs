@@ -58,6 +58,16 @@ pub struct Regions {
 }
 
 impl Regions {
+    /// No boxes yet; they need not be smaller than for a mesh of this mean spacing in metres.
+    pub fn for_spacing(spacing: f64) -> Self {
+        Self { spacing, ..Self::default() }
+    }
+
+    /// The boxes found. They may overlap.
+    pub fn boxes(&self) -> &[Aabb] {
+        &self.boxes
+    }
+
     /// Takes note that an object differs; returns the mean distance between nodes of the mesh, below which smaller boxes
     /// hardly save anything, and where to append boxes. They may overlap.
     pub(crate) fn of_object(&mut self, object: usize) -> (f64, &mut Vec<Aabb>) {
@@ -87,12 +97,7 @@ pub(super) struct Changes {
 
 impl Changes {
     /// Compares the surfaces of a new frame with those of the frame before.
-    pub(super) fn find(
-        &mut self,
-        mesh: &EdgeGeometry<'_>,
-        materials: &[Material],
-        surfaces: &dyn Surfaces,
-    ) {
+    pub(super) fn find(&mut self, mesh: &EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
         let regions = &mut self.regions;
         if regions.spacing == 0.0 {
             regions.spacing = mean_spacing(mesh);

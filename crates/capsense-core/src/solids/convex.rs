@@ -153,9 +153,8 @@ impl Profile {
     fn bounds(&self) -> [DVec2; 2] {
         let [a, b] = match *self {
             Self::Line(ends) => ends,
-            Self::Arc { centre, radius, elevation } => elevation.map(|elevation| {
-                DVec2::new(radius * elevation.cos(), centre + radius * elevation.sin())
-            }),
+            Self::Arc { centre, radius, elevation } => elevation
+                .map(|elevation| DVec2::new(radius * elevation.cos(), centre + radius * elevation.sin())),
         };
         [a.min(b), a.max(b)]
     }
@@ -166,8 +165,9 @@ impl Profile {
                 let middle = 0.5 * (a + b);
                 [Self::Line([a, middle]), Self::Line([middle, b])]
             }
-            Self::Arc { centre, radius, elevation } => halved(elevation)
-                .map(|elevation| Self::Arc { centre, radius, elevation }),
+            Self::Arc { centre, radius, elevation } => {
+                halved(elevation).map(|elevation| Self::Arc { centre, radius, elevation })
+            }
         }
     }
 }
@@ -227,9 +227,8 @@ impl Convex {
                 Patch::Round { azimuth: [start, start + quarter], profile }
             })
         };
-        let side = |radius: f64, half: f64| {
-            Profile::Line([DVec2::new(radius, -half), DVec2::new(radius, half)])
-        };
+        let side =
+            |radius: f64, half: f64| Profile::Line([DVec2::new(radius, -half), DVec2::new(radius, half)]);
         match *self {
             Self::Box(half) => (0..3)
                 .flat_map(|axis| {

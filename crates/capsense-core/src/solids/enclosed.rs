@@ -99,16 +99,16 @@ impl Enclosed {
     fn first_entry(&self, segment: &Segment, ends: [Place; 2], [first, last]: [f64; 2]) -> Option<f64> {
         let mut start = 0.0;
         while start < 1.0 {
-            let end = if start < first - NO_LENGTH {
-                first
-            } else if start >= last - NO_LENGTH {
-                1.0
-            } else {
-                self.next_crossing(segment, start + NO_LENGTH).unwrap_or(1.0)
+            let (before_first, behind_last) = (start < first - NO_LENGTH, start >= last - NO_LENGTH);
+            let end = match (before_first, behind_last) {
+                (true, _) => first,
+                (false, true) => 1.0,
+                (false, false) => self.next_crossing(segment, start + NO_LENGTH).unwrap_or(1.0),
             };
-            let is_inside = if start == 0.0 && end > NO_LENGTH && ends[0] == Place::Outside {
-                false
-            } else if end == 1.0 && ends[1] != Place::OnSurface && start < 1.0 - NO_LENGTH {
+            // The outer parts are where their ends are, unless these are within rounding of the surface.
+            let is_inside = if before_first && ends[0] != Place::OnSurface {
+                ends[0] == Place::Inside
+            } else if behind_last && start < 1.0 - NO_LENGTH && ends[1] != Place::OnSurface {
                 ends[1] == Place::Inside
             } else {
                 self.contains(segment.at(0.5 * (start + end)))
@@ -150,10 +150,10 @@ impl Enclosed {
     }
 
     fn place(&self, point: DVec3) -> Place {
-        if !self.bounds.contains(point) {
+        let (low, high) = (point - self.thickness, point + self.thickness);
+        if !self.bounds.intersects(&Aabb { min: low, max: high }) {
             return Place::Outside;
         }
-        let (low, high) = (point - self.thickness, point + self.thickness);
         let (mut is_inside, mut is_near) = (false, false);
         self.for_triangles(
             |bounds| bounds.max.cmpge(low).all() && bounds.min.truncate().cmple(high.truncate()).all(),
@@ -308,7 +308,8 @@ fn tree(triangles: &[[DVec3; 3]]) -> Vec<Node> {
             return Node { bounds: leaves[shape as usize].bounds, triangle: Some(shape), exit };
         }
         let corner = |point: &[f64; 3]| DVec3::from_array(*point);
-        let bounds = Aabb { min: corner(bounds.min.coords.as_ref()), max: corner(bounds.max.coords.as_ref()) };
+        let bounds =
+            Aabb { min: corner(bounds.min.coords.as_ref()), max: corner(bounds.max.coords.as_ref()) };
         Node { bounds, triangle: None, exit }
     })
 }

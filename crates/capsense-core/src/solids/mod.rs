@@ -144,7 +144,11 @@ impl Solids {
 impl Solid {
     fn new(object: usize, shape: &Shape) -> Result<Self, SolidError> {
         let positive = |length: f64| {
-            if length > 0.0 && length.is_finite() { Ok(length) } else { Err(SolidError::Length { object, length }) }
+            if length > 0.0 && length.is_finite() {
+                Ok(length)
+            } else {
+                Err(SolidError::Length { object, length })
+            }
         };
         let convex = match shape {
             Shape::Box { size } => {
@@ -163,7 +167,12 @@ impl Solid {
                     .map_err(|edges| SolidError::NotWatertight { object, edges })?;
                 let enclosed = Enclosed::new(triangles);
                 let (bounds, surface) = (enclosed.bounds(), enclosed.surface_tree());
-                return Ok(Self { body: Body::Enclosed(Box::new(enclosed)), bounds, surface, is_ball: false });
+                return Ok(Self {
+                    body: Body::Enclosed(Box::new(enclosed)),
+                    bounds,
+                    surface,
+                    is_ball: false,
+                });
             }
         };
         let corners = convex.surface().into_iter().flat_map(|patch| patch.bounds());
