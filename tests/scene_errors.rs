@@ -353,7 +353,13 @@ const CASES: &[Case] = &[
         "not supported yet",
         "sensor.electrode[1].stl",
     ),
-    case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
+    case(
+        "\"camera\"\ninterface = \"edge-cut\"\nback_fill = false",
+        "\"solids\"\nback_fill = true",
+        "back_fill",
+        "simulation.back_fill",
+        "must not be true with simulation.geometry = \"solids\"",
+    ),
     case("\"edge-cut\"", "\"centroid\"", "centroid", "not supported yet", "simulation.interface"),
     case("\"edge-cut\"", "\"volume-fraction\"", "volume", "not supported yet", "simulation.interface"),
 ];

@@ -1,6 +1,6 @@
 //! What a scene file may say but this version cannot compute yet. Each line goes when its feature comes.
 
-use super::raw::{MeshKind, RawGeometry, RawInterface, RawScene};
+use super::raw::{MeshKind, RawInterface, RawScene};
 use super::source::{SceneError, Source};
 
 /// Refuses a scene that asks for something that is not computed yet, rather than ignoring it.
@@ -9,7 +9,7 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
     let stl = raw.sensor.electrode.iter().position(|electrode| electrode.stl.is_some());
     let stl_key = format!("sensor.electrode[{}].stl", stl.unwrap_or_default());
     let simulation = &raw.simulation;
-    let asked: [(bool, &str, &str); 6] = [
+    let asked: [(bool, &str, &str); 5] = [
         (generate.is_some_and(|g| g.tolerance.is_some()), "mesh.generate.tolerance", ""),
         (
             generate.is_some_and(|g| g.kind == Some(MeshKind::Bisection)),
@@ -17,7 +17,6 @@ pub(super) fn refuse(raw: &RawScene, source: &Source) -> Result<(), SceneError> 
             " = \"bisection\"",
         ),
         (stl.is_some(), &stl_key, ""),
-        (simulation.geometry == Some(RawGeometry::Solids), "simulation.geometry", " = \"solids\""),
         (simulation.interface == Some(RawInterface::Centroid), "simulation.interface", " = \"centroid\""),
         (
             simulation.interface == Some(RawInterface::VolumeFraction),

@@ -32,7 +32,7 @@ pub enum SolidError {
         length: f64,
     },
     /// A triangle mesh that does not enclose a volume.
-    #[error("the mesh of object {object} is not watertight: {}", described(.edges))]
+    #[error("the mesh of object {object} is not watertight: {edges}")]
     NotWatertight {
         /// Index of the object.
         object: usize,
@@ -50,16 +50,6 @@ pub enum SolidError {
     /// A pose that is not finite or whose rotation is not of unit length.
     #[error("the pose of object {0} is not finite or not of unit length")]
     Pose(usize),
-}
-
-fn described(edges: &BadEdges) -> String {
-    match *edges {
-        BadEdges { open: 0, crowded: 0, .. } => "all its triangles are without area".to_owned(),
-        BadEdges { open, crowded: 0, .. } => format!("{open} open edges"),
-        BadEdges { open, crowded, .. } => {
-            format!("{open} open edges, {crowded} edges of more than two triangles")
-        }
-    }
 }
 
 #[derive(Clone, Debug)]

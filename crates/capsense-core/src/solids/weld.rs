@@ -7,6 +7,7 @@
 use crate::geometry::{Aabb, TriangleMesh};
 use glam::DVec3;
 use std::collections::HashMap;
+use std::fmt;
 
 /// Corners nearer to each other than this part of the surface's size are one: sixteen times the rounding of single
 /// precision.
@@ -21,6 +22,18 @@ pub struct BadEdges {
     pub crowded: usize,
     /// Edges of two triangles that are listed the opposite way round. These alone are no reason to refuse a surface.
     pub reversed: usize,
+}
+
+impl fmt::Display for BadEdges {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self { open: 0, crowded: 0, .. } => write!(out, "no triangle has an area"),
+            Self { open, crowded: 0, .. } => write!(out, "{open} open edges"),
+            Self { open, crowded, .. } => {
+                write!(out, "{open} open edges, {crowded} edges of more than two triangles")
+            }
+        }
+    }
 }
 
 /// The corners of each triangle of a closed surface.
