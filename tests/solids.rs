@@ -7,13 +7,18 @@ use capsense::{Pipeline, Scene, SceneError};
 use common::{SCENE, capsense, line_of};
 use std::path::Path;
 
+/// Not in line with the mesh. An object's rim that runs through nodes takes them or leaves them by a hair's breadth, and
+/// then the camera and solids differ by several percent on a mesh as coarse as this.
+const WAY: [&str; 2] =
+    ["[[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]", "[[-0.1031, 0.0137, 0.1013], [0.0969, 0.0137, 0.1013]]"];
+
 /// The scene without a camera; what stands instead of its box, and in the table of the simulation.
 fn scene(object: &str, simulation: &str) -> String {
     let camera = "[camera]\npixels = [32, 32]\nlayers = 2\n";
     let bar = "box = { size = [0.15, 0.15, 0.04] }";
     let geometry = "geometry = \"camera\"\ninterface = \"edge-cut\"\nback_fill = false";
-    assert!([camera, bar, geometry].iter().all(|piece| SCENE.contains(piece)));
-    SCENE.replace(camera, "").replace(bar, object).replace(geometry, simulation)
+    assert!([camera, bar, geometry, WAY[0]].iter().all(|piece| SCENE.contains(piece)));
+    SCENE.replace(camera, "").replace(WAY[0], WAY[1]).replace(bar, object).replace(geometry, simulation)
 }
 
 const BOX: &str = "box = { size = [0.15, 0.15, 0.04] }";

@@ -2,8 +2,8 @@
 //!
 //! The other source of geometry beside the depth camera. It sees all sides of an object, at any size of mesh cell, and
 //! silhouettes have no pixels. Points and segments are taken to the object's frame, where the answers have closed forms
-//! ([`convex`]) or come from the triangles ([`enclosed`]). What may differ from one frame to the next follows from the
-//! poses alone ([`surface_tree`]).
+//! (`convex`) or come from the triangles (`enclosed`). What may differ from one frame to the next follows from the
+//! poses alone (`surface_tree`).
 
 mod convex;
 mod enclosed;
