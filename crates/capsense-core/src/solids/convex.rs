@@ -185,7 +185,7 @@ impl Patch {
             Self::Round { azimuth, profile } => {
                 let [low, high] = profile.bounds();
                 // Within a quarter turn, x and y are extreme at its ends.
-                let corners = azimuth.map(|azimuth| DVec2::from_angle(azimuth));
+                let corners = azimuth.map(DVec2::from_angle);
                 let directions = [corners[0].min(corners[1]), corners[0].max(corners[1])];
                 let min = (directions[0] * low.x).min(directions[0] * high.x);
                 let max = (directions[1] * low.x).max(directions[1] * high.x);
