@@ -297,6 +297,19 @@ fn segments_through_edges_and_in_faces_are_told_alike() {
     }
 }
 
+/// Along z, these points see corners and edges of the octahedron that the ball was made of, each once.
+#[test]
+fn rays_through_corners_and_edges_are_counted_once() {
+    let solids = Solids::new(&[mesh_of(&sphere_triangles(1.0, 3))]).unwrap();
+    let coordinates = [-1.25, -0.5, -0.3, 0.0, 0.1, 0.5, 1.25];
+    for (x, y) in coordinates.into_iter().flat_map(|x| coordinates.map(|y| (x, y))) {
+        for z in coordinates {
+            let point = DVec3::new(x, y, z);
+            assert_eq!(solids.contains(0, point), point.length() < 0.99, "{point}");
+        }
+    }
+}
+
 /// A face in a plane of nodes holds none of them, on either side, wherever the bar stands in the mesh.
 #[test]
 fn opposite_faces_are_alike() {
