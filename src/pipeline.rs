@@ -1,10 +1,11 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
-use crate::scene::{Scene, SceneError, SceneObject};
+use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
-use capsense_core::occupancy::DepthLayers;
+use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::simulator::{Simulator, SimulatorError};
+use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
 use capsense_render::{Backend, DepthRenderer, RenderError};
 use serde::Serialize;
@@ -19,6 +20,9 @@ pub enum PipelineError {
     /// The objects cannot be drawn.
     #[error("cannot draw the scene: {0}")]
     Render(#[from] RenderError),
+    /// The objects cannot stand where they should.
+    #[error(transparent)]
+    Solid(#[from] SolidError),
     /// The field cannot be computed.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
@@ -27,7 +31,7 @@ pub enum PipelineError {
 /// How long the parts of a frame took, in milliseconds of wall-clock time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Milliseconds {
-    /// Drawing the objects: where are they?
+    /// Placing the objects and, by the camera, drawing them: where are they?
     pub geometry: f64,
     /// Occupancy and stiffness: what did they change?
     pub update: f64,
@@ -54,20 +58,48 @@ pub struct Frame {
     pub milliseconds: Milliseconds,
 }
 
+/// What tells where surfaces are.
+#[derive(Debug)]
+enum Eye {
+    Camera(Box<Camera>),
+    Solids(Solids),
+}
+
+/// A depth camera and what it saw last.
+#[derive(Debug)]
+struct Camera {
+    renderer: DepthRenderer,
+    back_fill: bool,
+    layers: DepthLayers,
+}
+
+impl Camera {
+    fn new(view: OrthographicView, shapes: &[Shape], back_fill: bool) -> Result<Self, RenderError> {
+        let renderer = DepthRenderer::new(Backend::Auto, view, shapes)?;
+        Ok(Self { renderer, back_fill, layers: DepthLayers::empty(view, shapes.len()) })
+    }
+
+    fn look(&mut self, poses: &[Pose]) -> Result<(), RenderError> {
+        self.renderer.render(poses, &mut self.layers)?;
+        if self.back_fill {
+            self.layers.back_fill();
+        }
+        Ok(())
+    }
+}
+
 /// A scene made ready to run.
 #[derive(Debug)]
 pub struct Pipeline {
     objects: Vec<SceneObject>,
     frame_rate: f64,
-    back_fill: bool,
-    renderer: DepthRenderer,
     poses: Vec<Pose>,
-    layers: DepthLayers,
+    eye: Eye,
     simulator: Simulator,
 }
 
 impl Pipeline {
-    /// Meshes the sensor, opens the renderer and solves the scene without objects.
+    /// Meshes the sensor, opens the camera's renderer if there is a camera, and solves the scene without objects.
     ///
     /// # Errors
     /// When the mesh cannot resolve the sensor, the objects cannot be drawn, or the solver fails.
@@ -76,18 +108,15 @@ impl Pipeline {
         let simulator =
             Simulator::with_interface(scene.build_sensor()?, materials, scene.solver, scene.interface)?;
         let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
-        Ok(Self {
-            renderer: DepthRenderer::new(Backend::Auto, scene.view, &shapes)?,
-            poses: Vec::with_capacity(scene.objects.len()),
-            layers: DepthLayers::empty(scene.view, scene.objects.len()),
-            objects: scene.objects.clone(),
-            frame_rate: scene.frame_rate,
-            back_fill: scene.back_fill,
-            simulator,
-        })
+        let eye = match &scene.geometry {
+            Geometry::Camera => Eye::Camera(Box::new(Camera::new(scene.view, &shapes, scene.back_fill)?)),
+            Geometry::Solids(solids) => Eye::Solids(solids.clone()),
+        };
+        let poses = Vec::with_capacity(shapes.len());
+        Ok(Self { objects: scene.objects.clone(), frame_rate: scene.frame_rate, poses, eye, simulator })
     }
 
-    /// Computes one frame: the objects move, the camera sees them, the mesh feels it, the field settles.
+    /// Computes one frame: the objects move, they are seen, the mesh feels it, the field settles.
     ///
     /// The field of the frame computed before is the solver's first guess.
     ///
@@ -98,12 +127,15 @@ impl Pipeline {
         let started = Instant::now();
         self.poses.clear();
         self.poses.extend(self.objects.iter().map(|object| object.motion.pose_at(time_s)));
-        self.renderer.render(&self.poses, &mut self.layers)?;
-        if self.back_fill {
-            self.layers.back_fill();
+        match &mut self.eye {
+            Eye::Camera(camera) => camera.look(&self.poses)?,
+            Eye::Solids(solids) => solids.place(&self.poses)?,
         }
         let seen = Instant::now();
-        let changed_edges = self.simulator.update(&self.layers)?;
+        let changed_edges = match &self.eye {
+            Eye::Camera(camera) => self.simulator.update(&camera.layers)?,
+            Eye::Solids(solids) => self.simulator.update(solids)?,
+        };
         let updated = Instant::now();
         let solve = self.simulator.solve()?;
         let solved = Instant::now();
@@ -127,14 +159,20 @@ impl Pipeline {
         &self.simulator
     }
 
-    /// What the camera saw in the last frame.
-    pub fn layers(&self) -> &DepthLayers {
-        &self.layers
+    /// What the camera saw in the last frame, if there is one.
+    pub fn layers(&self) -> Option<&DepthLayers> {
+        match &self.eye {
+            Eye::Camera(camera) => Some(&camera.layers),
+            Eye::Solids(_) => None,
+        }
     }
 
-    /// What draws the objects.
+    /// What draws the objects; exact solids are not drawn.
     pub fn renderer(&self) -> &str {
-        self.renderer.description()
+        match &self.eye {
+            Eye::Camera(camera) => camera.renderer.description(),
+            Eye::Solids(_) => "exact solids",
+        }
     }
 }
 

@@ -346,7 +346,13 @@ const CASES: &[Case] = &[
         "not supported yet",
         "mesh.generate.kind",
     ),
-    case("\"camera\"", "\"solids\"", "solids", "not supported yet", "simulation.geometry"),
+    case(
+        "\"camera\"\ninterface = \"edge-cut\"\nback_fill = false",
+        "\"solids\"\nback_fill = true",
+        "back_fill",
+        "simulation.back_fill",
+        "must not be true with simulation.geometry = \"solids\"",
+    ),
 ];
 
 #[test]

@@ -4,6 +4,7 @@ use super::solve::preconditioner_name;
 use super::text::percentile;
 use capsense::pipeline::Milliseconds;
 use capsense::run_folder::RunOrigin;
+use capsense::scene::Geometry;
 use capsense::{Frame, Pipeline, Scene};
 use serde::Serialize;
 
@@ -34,7 +35,8 @@ struct Domain {
 struct Method<'a> {
     geometry: &'static str,
     interface: &'static str,
-    pixels: [usize; 2],
+    /// Of the camera, if there is one.
+    pixels: Option<[usize; 2]>,
     back_fill: bool,
     renderer: &'a str,
 }
@@ -97,6 +99,7 @@ impl<'a> Report<'a> {
         setup: f64,
         interrupted: bool,
     ) -> Self {
+        let has_camera = matches!(scene.geometry, Geometry::Camera);
         let solved = frames.iter().filter(|frame| !frame.solve.skipped);
         let iterations: Vec<usize> = solved.map(|frame| frame.solve.iterations).collect();
         let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
@@ -107,10 +110,10 @@ impl<'a> Report<'a> {
             objects: scene.objects.iter().map(|object| object.name.as_str()).collect(),
             domain: Domain { min: scene.domain.min.to_array(), max: scene.domain.max.to_array() },
             method: Method {
-                geometry: "camera",
+                geometry: if has_camera { "camera" } else { "solids" },
                 interface: scene.interface.name(),
-                pixels: [scene.view.width, scene.view.height],
-                back_fill: scene.back_fill,
+                pixels: has_camera.then_some([scene.view.width, scene.view.height]),
+                back_fill: has_camera && scene.back_fill,
                 renderer: pipeline.renderer(),
             },
             solver: Solver {

@@ -151,7 +151,7 @@ fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {
     part("solve", Spread::of(frames, |took| took.solve));
     part("frame", Spread::of(frames, |took| took.total));
     format!(
-        "{}: {} frames, {} tetrahedra, depth by {}\n\n{}\n{}",
+        "{}: {} frames, {} tetrahedra, surfaces by {}\n\n{}\n{}",
         scene.source.file(),
         frames.len(),
         mesh.tets().len(),

@@ -7,6 +7,7 @@
 mod check;
 mod design;
 mod electrode_stl;
+mod geometry;
 mod mesh_file;
 mod object;
 mod raw;
@@ -14,6 +15,7 @@ mod source;
 mod trajectory;
 mod unsupported;
 
+pub use geometry::Geometry;
 pub use mesh_file::surface_warnings;
 pub use object::SceneObject;
 pub use source::{SceneError, Source};
@@ -58,7 +60,9 @@ pub struct Scene {
     pub sensor: SceneSensor,
     /// Names of the electrodes in the order of the capacitance matrix.
     pub electrodes: Vec<String>,
-    /// The depth camera.
+    /// Where surfaces come from.
+    pub geometry: Geometry,
+    /// The depth camera, if surfaces come from it.
     pub view: OrthographicView,
     /// Whether all that lies behind an object's front surface belongs to it.
     pub back_fill: bool,
@@ -160,6 +164,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     let (domain, sensor) = sensor(check, raw, &electrodes, &mut warnings)?;
     let (view, back_fill) = camera(check, raw, domain)?;
     let objects = object::objects(check, &raw.object, &domain)?;
+    let geometry = geometry::geometry(check, raw, &objects, &mut warnings)?;
     let frame_rate = check.positive("simulation.frame_rate", raw.simulation.frame_rate.unwrap_or(100.0))?;
     let frames = match raw.simulation.frames {
         Some(frames) => check.count("simulation.frames", frames, 1, MOST_FRAMES)?,
@@ -198,6 +203,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         domain,
         sensor,
         electrodes,
+        geometry,
         view,
         back_fill,
         interface: match raw.simulation.interface {

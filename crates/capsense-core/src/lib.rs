@@ -2,7 +2,7 @@
 //!
 //! No files, no clocks, no GPU. [`simulator::Simulator::step`] is the one main path; what it calls stands in the other
 //! modules, which build on each other in this order: [`units`], [`geometry`], [`mesh`], [`electrode`], [`material`],
-//! [`sensor`], [`occupancy`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stands
+//! [`sensor`], [`occupancy`], [`solids`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stands
 //! [`baseline`], the methods it is compared with.
 
 #![forbid(unsafe_code)]
@@ -19,6 +19,7 @@ pub mod occupancy;
 mod rim;
 pub mod sensor;
 pub mod simulator;
+pub mod solids;
 pub mod solver;
 pub mod stiffness;
 pub mod units;

@@ -1,9 +1,89 @@
 //! Where the answers of surfaces may differ from those of the frame before.
 
 use super::comparison::Comparison;
-use super::{DepthLayers, Surfaces};
+use super::{DepthLayers, EdgeGeometry, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
+use glam::DAffine3;
+use std::sync::Arc;
+
+/// What an earlier frame left to compare the next one with.
+#[derive(Clone, Debug, Default)]
+pub struct Earlier {
+    image: Option<DepthLayers>,
+    comparison: Comparison,
+    /// Which solids stood at the poses below.
+    solids: Option<Arc<()>>,
+    poses: Vec<DAffine3>,
+}
+
+impl Earlier {
+    /// Takes a frame of which nothing can be remembered.
+    pub(super) fn forget(&mut self) {
+        (self.image, self.solids) = (None, None);
+    }
+
+    /// The earlier depth image, if it shows as many objects by the same camera as another, and what compares them.
+    pub(super) fn image_like(&mut self, image: &DepthLayers) -> Option<(&mut DepthLayers, &mut Comparison)> {
+        let earlier = self.image.as_mut().filter(|earlier| image.is_comparable_to(earlier))?;
+        Some((earlier, &mut self.comparison))
+    }
+
+    pub(super) fn remember_image(&mut self, image: &DepthLayers) {
+        self.forget();
+        self.image = Some(image.clone());
+    }
+
+    /// The earlier poses of the same solids.
+    pub(crate) fn poses_of(&mut self, solids: &Arc<()>) -> Option<&mut [DAffine3]> {
+        let are_same = self.solids.as_ref().is_some_and(|earlier| Arc::ptr_eq(earlier, solids));
+        are_same.then_some(self.poses.as_mut_slice())
+    }
+
+    pub(crate) fn remember_poses(&mut self, solids: &Arc<()>, poses: impl Iterator<Item = DAffine3>) {
+        self.forget();
+        self.solids = Some(solids.clone());
+        self.poses.clear();
+        self.poses.extend(poses);
+    }
+}
+
+/// Boxes outside of which no answer differs from that of an earlier frame.
+#[derive(Clone, Debug, Default)]
+pub struct Regions {
+    boxes: Vec<Aabb>,
+    /// Objects that differ.
+    objects: Vec<usize>,
+    spacing: f64,
+}
+
+impl Regions {
+    /// No boxes yet; they need not be smaller than for a mesh of this mean spacing in metres.
+    pub fn for_spacing(spacing: f64) -> Self {
+        Self { spacing, ..Self::default() }
+    }
+
+    /// The boxes found. They may overlap.
+    pub fn boxes(&self) -> &[Aabb] {
+        &self.boxes
+    }
+
+    /// Takes note that an object differs; returns the mean distance between nodes of the mesh, below which smaller boxes
+    /// hardly save anything, and where to append boxes. They may overlap.
+    pub(crate) fn of_object(&mut self, object: usize) -> (f64, &mut Vec<Aabb>) {
+        self.objects.push(object);
+        (self.spacing, &mut self.boxes)
+    }
+
+    /// Appends boxes by a function that says whether an object differs at all, and returns what it says.
+    pub(super) fn compare(&mut self, object: usize, find: impl FnOnce(&mut Vec<Aabb>) -> bool) -> bool {
+        let differs = find(&mut self.boxes);
+        if differs {
+            self.objects.push(object);
+        }
+        differs
+    }
+}
 
 /// What was seen in the frame before, and what is different now.
 #[derive(Clone, Debug, Default)]
@@ -11,41 +91,36 @@ pub(super) struct Changes {
     /// Where each object is.
     bounds: Vec<Aabb>,
     materials: Vec<Material>,
-    image: Option<DepthLayers>,
-    regions: Vec<Aabb>,
-    comparison: Comparison,
+    earlier: Earlier,
+    regions: Regions,
 }
 
 impl Changes {
     /// Compares the surfaces of a new frame with those of the frame before.
-    pub(super) fn find(&mut self, materials: &[Material], surfaces: &dyn Surfaces) {
-        self.regions.clear();
-        let image = surfaces.depth_image();
-        let before = self.image.as_ref().filter(|_| self.materials == materials);
-        let pair = image.zip(before).filter(|(now, before)| now.is_comparable_to(before));
-        if let Some((now, before)) = pair {
-            let mut differs = false;
-            for (object, bounds) in self.bounds.iter_mut().enumerate() {
-                if self.comparison.find(object, [before, now], &mut self.regions) {
-                    *bounds = now.bounds(object);
-                    differs = true;
-                }
-            }
-            if differs && let Some(before) = &mut self.image {
-                before.copy_from(now);
+    pub(super) fn find(&mut self, mesh: &EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
+        let regions = &mut self.regions;
+        if regions.spacing == 0.0 {
+            regions.spacing = mean_spacing(mesh);
+        }
+        regions.boxes.clear();
+        regions.objects.clear();
+        let are_told = surfaces.find_changes(&mut self.earlier, regions);
+        if are_told && self.materials == materials {
+            for &object in &regions.objects {
+                self.bounds[object] = surfaces.bounds(object);
             }
         } else {
-            self.regions.extend(&self.bounds);
+            regions.boxes.clear();
+            regions.boxes.extend(&self.bounds);
             self.bounds.clear();
             self.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
-            self.regions.extend(&self.bounds);
-            self.regions.retain(|region| region.min.cmple(region.max).all());
+            regions.boxes.extend(&self.bounds);
+            regions.boxes.retain(|region| region.min.cmple(region.max).all());
             self.materials.clear();
             self.materials.extend(materials);
-            self.image = image.cloned();
         }
         // From below, so that what is met on the way mostly is met in order.
-        self.regions.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
+        regions.boxes.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
     }
 
     /// Where each object is.
@@ -55,6 +130,12 @@ impl Changes {
 
     /// Boxes outside of which no answer differs from that of the frame before. They may overlap.
     pub(super) fn regions(&self) -> &[Aabb] {
-        &self.regions
+        &self.regions.boxes
     }
+}
+
+/// The edge of a cube that is as large as what a node has around it on average.
+fn mean_spacing(mesh: &EdgeGeometry<'_>) -> f64 {
+    let size = Aabb::around(mesh.nodes.iter().copied()).size();
+    (size.element_product() / mesh.nodes.len() as f64).cbrt()
 }

@@ -5,7 +5,7 @@
 //! each has a thickness.
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
-use super::{Span, Surfaces};
+use super::{Earlier, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
 
@@ -260,7 +260,18 @@ impl Surfaces for DepthLayers {
         self.span_between(object, a, b)
     }
 
-    fn depth_image(&self) -> Option<&DepthLayers> {
-        Some(self)
+    fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
+        let Some((image, comparison)) = before.image_like(self) else {
+            before.remember_image(self);
+            return false;
+        };
+        let mut differs = false;
+        for object in 0..self.objects {
+            differs |= regions.compare(object, |boxes| comparison.find(object, [image, self], boxes));
+        }
+        if differs {
+            image.copy_from(self);
+        }
+        true
     }
 }

@@ -16,6 +16,7 @@ mod negative;
 mod parallel;
 mod sorted;
 
+pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub use interface::Interface;
@@ -60,10 +61,11 @@ pub trait Surfaces {
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
 
-    /// The depth image that answers are read from, if they all are. From one frame to the next, then only what differs
-    /// between the images is looked at again; without one, all that is within the bounds of either frame.
-    fn depth_image(&self) -> Option<&DepthLayers> {
-        None
+    /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
+    /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
+    fn find_changes(&self, before: &mut Earlier, _regions: &mut Regions) -> bool {
+        before.forget();
+        false
     }
 
     /// Whether these answers can be trusted at all; called once before any of them.
@@ -265,7 +267,7 @@ impl Occupancy {
     /// object's surface is another than in the frame before are visited.
     pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
         self.start_frame();
-        self.changes.find(materials, surfaces);
+        self.changes.find(&mesh, materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
         let has_weak = parallel::is_of_use(mesh.edges, materials);
         let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds(), has_weak };

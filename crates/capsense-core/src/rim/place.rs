@@ -23,6 +23,10 @@ pub(super) fn place(outline: &Outline, point: DVec2, slack: f64) -> Place {
             of_contours(outline, &[&corners], point, slack)
         }
         Outline::Polygon(corners) => of_contours(outline, &[corners], point, slack),
+        Outline::Contours(contours) => {
+            let contours: Vec<&[DVec2]> = contours.iter().map(Vec::as_slice).collect();
+            of_contours(outline, &contours, point, slack)
+        }
         Outline::Disk { center, radius } => {
             let from = point - *center;
             let normal = from.try_normalize().unwrap_or(DVec2::X);

@@ -1,0 +1,268 @@
+//! Solid objects with exact surfaces: boxes, spheres, capsules, cylinders and closed triangle meshes at given poses.
+//!
+//! The other source of geometry beside the depth camera. It sees all sides of an object, at any size of mesh cell, and
+//! silhouettes have no pixels. Points and segments are taken to the object's frame, where the answers have closed forms
+//! (`convex`) or come from the triangles (`enclosed`). What may differ from one frame to the next follows from the
+//! poses alone (`surface_tree`).
+
+mod convex;
+mod enclosed;
+mod surface_tree;
+mod weld;
+
+pub use weld::BadEdges;
+
+use crate::geometry::{Aabb, Pose, Shape};
+use crate::occupancy::{Earlier, Regions, Span, Surfaces};
+use convex::Convex;
+use enclosed::Enclosed;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use std::sync::Arc;
+use surface_tree::{SurfaceTree, placed};
+
+/// Why objects cannot be solids, or not stand where they should.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SolidError {
+    /// A length that is not finite and greater than zero.
+    #[error("object {object} has the length {length} m; lengths must be finite and greater than zero")]
+    Length {
+        /// Index of the object.
+        object: usize,
+        /// The length given.
+        length: f64,
+    },
+    /// A triangle mesh that does not enclose a volume.
+    #[error("the mesh of object {object} is not watertight: {edges}")]
+    NotWatertight {
+        /// Index of the object.
+        object: usize,
+        /// How many edges are to blame.
+        edges: BadEdges,
+    },
+    /// Not one pose for each object.
+    #[error("{poses} poses for {objects} objects")]
+    PoseCount {
+        /// Number of poses given.
+        poses: usize,
+        /// Number of objects.
+        objects: usize,
+    },
+    /// A pose that is not finite or whose rotation is not of unit length.
+    #[error("the pose of object {0} is not finite or not of unit length")]
+    Pose(usize),
+}
+
+#[derive(Clone, Debug)]
+enum Body {
+    Convex(Convex),
+    Enclosed(Box<Enclosed>),
+}
+
+/// A solid in its own frame.
+#[derive(Clone, Debug)]
+struct Solid {
+    body: Body,
+    bounds: Aabb,
+    surface: SurfaceTree,
+    /// Whether it looks the same however it is turned.
+    is_ball: bool,
+}
+
+/// A solid in the sensor frame.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    sensor_from_object: DAffine3,
+    object_from_sensor: DMat3,
+    bounds: Aabb,
+}
+
+/// Solid objects at poses. A point on a surface, or nearer to it than rounding can tell, is outside.
+///
+/// # Example
+/// ```
+/// use capsense_core::geometry::{Pose, Shape};
+/// use capsense_core::glam::DVec3;
+/// use capsense_core::occupancy::{Span, Surfaces};
+/// use capsense_core::solids::Solids;
+///
+/// # fn main() -> Result<(), capsense_core::solids::SolidError> {
+/// let mut solids = Solids::new(&[Shape::Sphere { radius: 0.1 }])?;
+/// solids.place(&[Pose::at(DVec3::new(0.0, 0.0, 0.5))])?;
+/// assert!(solids.contains(0, DVec3::new(0.0, 0.05, 0.5)));
+/// let upwards = solids.span(0, DVec3::ZERO, DVec3::Z);
+/// assert!(upwards.is_some_and(|Span { enter, exit }| (enter - 0.4).abs() + (exit - 0.6).abs() < 1e-9));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Solids {
+    solids: Arc<[Solid]>,
+    /// The same for all clones, and for no others.
+    identity: Arc<()>,
+    placed: Vec<Placed>,
+}
+
+impl Solids {
+    /// Takes the shapes of objects, which stand at the origin until they are placed elsewhere.
+    ///
+    /// # Errors
+    /// When a length is not finite and positive, or a triangle mesh is not watertight.
+    pub fn new(shapes: &[Shape]) -> Result<Self, SolidError> {
+        let solids = shapes.iter().enumerate().map(|(object, shape)| Solid::new(object, shape));
+        let solids: Arc<[Solid]> = solids.collect::<Result<_, _>>()?;
+        let placed = solids.iter().map(|solid| solid.at(&Pose::IDENTITY)).collect();
+        Ok(Self { solids, identity: Arc::new(()), placed })
+    }
+
+    /// Moves all objects: `poses[k]` is where object k stands.
+    ///
+    /// # Errors
+    /// When there is not one valid pose for each object; all then stay where they are.
+    pub fn place(&mut self, poses: &[Pose]) -> Result<(), SolidError> {
+        if poses.len() != self.solids.len() {
+            return Err(SolidError::PoseCount { poses: poses.len(), objects: self.solids.len() });
+        }
+        if let Some(object) = poses.iter().position(|pose| !pose.is_valid()) {
+            return Err(SolidError::Pose(object));
+        }
+        self.placed.clear();
+        self.placed.extend(self.solids.iter().zip(poses).map(|(solid, pose)| solid.at(pose)));
+        Ok(())
+    }
+}
+
+impl Solid {
+    fn new(object: usize, shape: &Shape) -> Result<Self, SolidError> {
+        let positive = |length: f64| {
+            if length > 0.0 && length.is_finite() {
+                Ok(length)
+            } else {
+                Err(SolidError::Length { object, length })
+            }
+        };
+        let convex = match shape {
+            Shape::Box { size } => {
+                size.to_array().into_iter().try_for_each(|length| positive(length).map(|_| ()))?;
+                Convex::Box(0.5 * *size)
+            }
+            Shape::Sphere { radius } => Convex::Capsule { radius: positive(*radius)?, half_length: 0.0 },
+            Shape::Capsule { radius, length } => {
+                Convex::Capsule { radius: positive(*radius)?, half_length: 0.5 * positive(*length)? }
+            }
+            Shape::Cylinder { radius, length } => {
+                Convex::Cylinder { radius: positive(*radius)?, half_length: 0.5 * positive(*length)? }
+            }
+            Shape::Mesh(mesh) => {
+                let triangles = weld::closed_surface(mesh)
+                    .map_err(|edges| SolidError::NotWatertight { object, edges })?;
+                let enclosed = Enclosed::new(triangles);
+                let (bounds, surface) = (enclosed.bounds(), enclosed.surface_tree());
+                return Ok(Self {
+                    body: Body::Enclosed(Box::new(enclosed)),
+                    bounds,
+                    surface,
+                    is_ball: false,
+                });
+            }
+        };
+        let corners = convex.surface().into_iter().flat_map(|patch| patch.bounds());
+        Ok(Self {
+            body: Body::Convex(convex.shrunk()),
+            bounds: Aabb::around(corners),
+            surface: SurfaceTree::of_convex(&convex),
+            is_ball: matches!(shape, Shape::Sphere { .. }),
+        })
+    }
+
+    fn at(&self, pose: &Pose) -> Placed {
+        let rotation = if self.is_ball { DQuat::IDENTITY } else { pose.rotation.normalize() };
+        let sensor_from_object = DAffine3::from_rotation_translation(rotation, pose.translation);
+        Placed {
+            sensor_from_object,
+            object_from_sensor: sensor_from_object.matrix3.transpose(),
+            bounds: placed(&sensor_from_object, &self.bounds),
+        }
+    }
+}
+
+impl Placed {
+    #[inline]
+    fn local(&self, point: DVec3) -> DVec3 {
+        self.object_from_sensor * (point - self.sensor_from_object.translation)
+    }
+}
+
+impl Surfaces for Solids {
+    fn objects(&self) -> usize {
+        self.solids.len()
+    }
+
+    fn bounds(&self, object: usize) -> Aabb {
+        self.placed[object].bounds
+    }
+
+    fn contains(&self, object: usize, point: DVec3) -> bool {
+        let local = self.placed[object].local(point);
+        match &self.solids[object].body {
+            Body::Convex(convex) => convex.contains(local),
+            Body::Enclosed(enclosed) => enclosed.contains(local),
+        }
+    }
+
+    fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        let [a, b] = [a, b].map(|point| self.placed[object].local(point));
+        let convex = match &self.solids[object].body {
+            Body::Convex(convex) => convex,
+            Body::Enclosed(enclosed) => return enclosed.span(a, b),
+        };
+        // An end that is inside starts or ends the span, whatever rounding makes of the interval.
+        let ([from, to], interval) = match [a, b].map(|end| convex.contains(end)) {
+            [true, true] => return Some(Span { enter: 0.0, exit: 1.0 }),
+            inside => (inside, convex.interval(a, b - a)),
+        };
+        match interval {
+            Some([enter, exit]) => {
+                let enter = if from { 0.0 } else { enter.max(0.0) };
+                let exit = if to { 1.0 } else { exit.min(1.0) };
+                let is_met = enter < exit || from || to;
+                is_met.then(|| Span { enter: enter.min(1.0), exit: exit.max(enter.min(1.0)) })
+            }
+            None if from => Some(Span { enter: 0.0, exit: 0.0 }),
+            None if to => Some(Span { enter: 1.0, exit: 1.0 }),
+            None => None,
+        }
+    }
+
+    fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
+        let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
+        let Some(earlier) = before.poses_of(&self.identity) else {
+            before.remember_poses(&self.identity, poses());
+            return false;
+        };
+        for (object, (now, earlier)) in poses().zip(earlier).enumerate() {
+            let earlier = std::mem::replace(earlier, now);
+            if earlier == now {
+                continue;
+            }
+            let solid = &self.solids[object];
+            let was_at = placed(&earlier, &solid.bounds);
+            let (spacing, boxes) = regions.of_object(object);
+            if moved_far(&earlier, &now, &solid.bounds) {
+                boxes.extend([was_at, self.placed[object].bounds]);
+            } else {
+                solid.surface.append_regions([&earlier, &now], spacing, boxes);
+            }
+        }
+        true
+    }
+}
+
+/// Whether a move is longer than a part of the solid, so that most of what is in it before or after is elsewhere.
+fn moved_far(before: &DAffine3, now: &DAffine3, bounds: &Aabb) -> bool {
+    let half = 0.5 * bounds.size();
+    let centre = 0.5 * (bounds.min + bounds.max);
+    let shift = now.transform_point3(centre).distance(before.transform_point3(centre));
+    let turn = now.matrix3 - before.matrix3;
+    let turned = (0..3).map(|axis| turn.col(axis).length() * half[axis]).sum::<f64>();
+    shift + turned > half.min_element()
+}
