@@ -42,7 +42,7 @@ impl Subject<'_> {
     fn update(&mut self, surfaces: &dyn Surfaces) -> usize {
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.network.edges(),
             permittivity: self.network.permittivity(),
         };

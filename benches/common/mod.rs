@@ -60,14 +60,7 @@ pub fn on_lattice(lattice: &Lattice) -> Sensor {
 
 /// The same mesh and terminals, but nothing is known of a lattice.
 pub fn on_tetrahedra(lattice: &Lattice) -> Sensor {
-    let sensor = on_lattice(lattice);
-    let nodes_of = |terminal: u16| -> Vec<u32> {
-        let held = sensor.terminals().iter().zip(0..);
-        held.filter(|(held, _)| **held == terminal).map(|(_, node)| node).collect()
-    };
-    let names = sensor.electrode_names().iter().cloned();
-    let electrodes = names.zip(1..).map(|(name, t)| (name, ElectrodeNodes::Nodes(nodes_of(t)))).collect();
-    Sensor::on_mesh(sensor.mesh().clone(), &nodes_of(GROUND), electrodes).unwrap()
+    on_lattice(lattice).off_lattice()
 }
 
 /// The bar's depth images on a way there and back, 1 mm a frame, without end.

@@ -360,6 +360,14 @@ impl Sensor {
         self
     }
 
+    /// The same sensor, of which it no longer is known that its mesh is a lattice: what operators are compared with.
+    #[must_use]
+    pub fn off_lattice(mut self) -> Self {
+        self.lattice = None;
+        self.shapes.fill(None);
+        self
+    }
+
     /// Gives an electrode the nodes that it holds and those at its rim. Where another electrode holds a node, there is no
     /// link.
     fn claim_with_rim(&mut self, index: usize, name: &str, rim: &Rim) -> Result<(), SensorError> {

@@ -404,10 +404,15 @@ mod tests {
         let matrix = simulator.matrix.to_csr();
         let of_column = |column: usize| {
             let (mut free, mut held) = (0.0, 0.0);
+            let mut linked = vec![0.0; simulator.matrix.nodes()];
+            for (node, body, weight) in simulator.matrix.links() {
+                linked[node] += weight * simulator.fields.potential(column, body);
+            }
             for (node, row) in matrix.row_iter().enumerate() {
                 let entries = row.col_indices().iter().zip(row.values());
-                let charge: f64 =
+                let through: f64 =
                     entries.map(|(&other, k)| k * simulator.fields.potential(column, other)).sum();
+                let charge = through - linked[node];
                 match simulator.occupancy.conductors()[node] == NO_OBJECT {
                     true if simulator.sensor.terminals()[node] == FREE => free += charge * charge,
                     _ => held += (simulator.fields.potential(column, node) * charge).powi(2),

@@ -68,7 +68,7 @@ fn a_frame_like_the_last_costs_ic0_no_iteration() {
 /// The charges on electrodes are wrong in proportion to the error of the field, which the residual only hints at.
 #[test]
 fn the_papers_method_agrees_on_an_empty_scene() {
-    let sensor = stripes_sensor(10_000);
+    let sensor = stripes_sensor(10_000).with_rims_held();
     let simulator = Simulator::new(sensor.clone(), vec![], EXACT).unwrap();
     let empty = depth_of_boxes([64, 64], &[]);
     for (relative_residual, allowed) in [(1e-5, 3e-5), (1e-11, 1e-10)] {
@@ -109,7 +109,8 @@ fn aligned_block() -> (DepthLayers, impl Fn(DVec3) -> bool) {
 }
 
 fn aligned_sensor() -> Sensor {
-    Sensor::on_lattice(&three_stripes(), &Lattice::uniform(DOMAIN, [CELLS; 3]).unwrap()).unwrap()
+    let lattice = Lattice::uniform(DOMAIN, [CELLS; 3]).unwrap();
+    Sensor::on_lattice(&three_stripes(), &lattice).unwrap().with_rims_held()
 }
 
 #[test]
@@ -170,7 +171,7 @@ fn the_papers_method_agrees_on_a_block_along_the_cells() {
 
 #[test]
 fn failures_are_told() {
-    let sensor = stripes_sensor(10_000);
+    let sensor = stripes_sensor(10_000).with_rims_held();
     let depth = depth_of_boxes([64, 64], &[bar(0.05, 0.0)]);
     let mut paper = PaperMethod::<f64>::new(&sensor, &[permittivity(STEEL)], CgOptions::PAPER);
     assert!(paper.step(&depth).unwrap().changed > 0);

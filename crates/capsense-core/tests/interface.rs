@@ -117,7 +117,7 @@ impl<'a> Updater<'a> {
     fn step(&mut self, surfaces: &impl Surfaces) {
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.network.edges(),
             permittivity: self.network.permittivity(),
         };
@@ -518,7 +518,7 @@ fn electrodes_win_over_conductors_and_conductors_over_dielectrics() {
                 if holder != NO_OBJECT {
                     for node in sensor.mesh().tets()[element].map(|node| node as usize) {
                         let held = updater.occupancy.conductors()[node];
-                        let free = sensor.terminals()[node] == capsense_core::sensor::FREE;
+                        let free = sensor.owners()[node] == capsense_core::sensor::FREE;
                         assert_eq!(held == NO_OBJECT, !free);
                     }
                 }

@@ -250,7 +250,7 @@ fn two_parts(grounded: [bool; 2]) -> Result<Sensor, SensorError> {
     let tets = one.mesh().tets().iter();
     let tets = tets.clone().copied().chain(tets.map(|tet| tet.map(|node| node + count))).collect();
     let held = |terminal: u16, part: u32| -> Vec<u32> {
-        let nodes = (0..).zip(one.terminals()).filter(|(_, held)| **held == terminal);
+        let nodes = (0..).zip(one.owners()).filter(|(_, held)| **held == terminal);
         nodes.map(|(node, _): (u32, _)| node + part * count).collect()
     };
     let ground: Vec<u32> =

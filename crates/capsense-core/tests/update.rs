@@ -59,7 +59,7 @@ impl<'a> Updater<'a> {
     fn step(&mut self, surfaces: &impl Surfaces) {
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.network.edges(),
             permittivity: self.network.permittivity(),
         };

@@ -57,7 +57,7 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
 /// Sides of triangles between nodes of one electrode that belong to one triangle only.
 fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
     let is_electrode = |terminal: Terminal| terminal != FREE && terminal != GROUND;
-    let (mut filled, mut triangles) = (BTreeSet::new(), BTreeSet::new());
+    let (mut filled, mut triangles) = (BTreeSet::new(), BTreeMap::new());
     for tet in mesh.tets() {
         let of = tet.map(|node| owners[node as usize]);
         for skipped in 0..4 {
@@ -68,18 +68,42 @@ fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
                 }
                 let mut nodes = [a, b, c].map(|k| tet[k]);
                 nodes.sort_unstable();
-                triangles.insert((of[a], nodes));
+                *triangles.entry((of[a], nodes)).or_insert(0) += 1;
             }
         }
     }
     let mut counts: BTreeMap<(Terminal, [u32; 2]), (usize, u32)> = BTreeMap::new();
-    for (terminal, [a, b, c]) in triangles.into_iter().filter(|(terminal, _)| !filled.contains(terminal)) {
+    for ((terminal, [a, b, c]), elements) in triangles {
+        // What an electrode fills, and what the mesh ends at, is no sheet with two sides.
+        if filled.contains(&terminal) || elements < 2 {
+            continue;
+        }
         for (ends, apex) in [([a, b], c), ([b, c], a), ([a, c], b)] {
             counts.entry((terminal, ends)).or_insert((0, apex)).0 += 1;
         }
     }
     let rim = counts.into_iter().filter(|(_, (count, _))| *count == 1);
-    rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect()
+    let sides: Vec<Side> =
+        rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect();
+    let at_surface = at_surface(mesh, &sides);
+    sides.into_iter().filter(|side| !at_surface.contains(&side.ends)).collect()
+}
+
+/// Sides at which the mesh ends. There the field has no need to go around the rim.
+fn at_surface(mesh: &TetMesh, sides: &[Side]) -> BTreeSet<[u32; 2]> {
+    let wanted: BTreeSet<[u32; 2]> = sides.iter().map(|side| side.ends).collect();
+    let nodes: BTreeSet<u32> = wanted.iter().flatten().copied().collect();
+    let mut faces: BTreeMap<[u32; 3], usize> = BTreeMap::new();
+    for tet in mesh.tets().iter().filter(|tet| tet.iter().filter(|node| nodes.contains(node)).count() > 1) {
+        for skipped in 0..4 {
+            let mut face = [1, 2, 3].map(|k| tet[(skipped + k) % 4]);
+            face.sort_unstable();
+            *faces.entry(face).or_insert(0) += 1;
+        }
+    }
+    let outer = faces.into_iter().filter(|(_, elements)| *elements == 1);
+    let edges = outer.flat_map(|([a, b, c], _)| [[a, b], [b, c], [a, c]]);
+    edges.filter(|edge| wanted.contains(edge)).collect()
 }
 
 /// What the elements around a rim node know of the field of a half-plane.

@@ -67,13 +67,13 @@ pub fn bar(height: f64, shift: f64) -> Aabb {
 
 /// The same sensor on the same mesh, which no longer is known to be a lattice.
 pub fn without_lattice(sensor: &Sensor) -> Sensor {
-    on_other_mesh(sensor, sensor.mesh().clone())
+    sensor.clone().off_lattice()
 }
 
 /// The same terminals on another mesh with the same nodes, not known to be a lattice.
 pub fn on_other_mesh(sensor: &Sensor, mesh: TetMesh) -> Sensor {
     let nodes_of = |terminal: u16| -> Vec<u32> {
-        let of_terminal = sensor.terminals().iter().zip(0..).filter(|(held, _)| **held == terminal);
+        let of_terminal = sensor.owners().iter().zip(0..).filter(|(held, _)| **held == terminal);
         of_terminal.map(|(_, node)| node).collect()
     };
     let names = sensor.electrode_names().iter().cloned();
@@ -146,7 +146,7 @@ pub fn with_slivers(sensor: &Sensor) -> Sensor {
         let [node, face @ ..] = *tet;
         let node = node as usize;
         let around: Vec<_> = tets.iter().filter(|tet| tet.contains(&(node as u32))).collect();
-        if sensor.terminals()[node] != FREE
+        if sensor.owners()[node] != FREE
             || around.iter().any(|tet| tet.iter().any(|&n| touched[n as usize]))
         {
             continue;

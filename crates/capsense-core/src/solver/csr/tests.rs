@@ -38,13 +38,13 @@ impl Scene {
         let flat = Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap();
         // Nodes that are free are shaken, so that all edges of the tetrahedra count.
         let mut nodes = flat.mesh().nodes().to_vec();
-        for (index, node) in nodes.iter_mut().enumerate().filter(|(i, _)| flat.terminals()[*i] == FREE) {
+        for (index, node) in nodes.iter_mut().enumerate().filter(|(i, _)| flat.owners()[*i] == FREE) {
             let angle = index as f64;
             *node += 5e-4 * DVec3::new(angle.sin(), (2.0 * angle).cos(), (3.0 * angle).sin());
         }
         let mesh = TetMesh::new(nodes, flat.mesh().tets().to_vec()).unwrap();
         let held_by = |terminal: u16| -> Vec<u32> {
-            (0..).zip(flat.terminals()).filter(|(_, held)| **held == terminal).map(|(node, _)| node).collect()
+            (0..).zip(flat.owners()).filter(|(_, held)| **held == terminal).map(|(node, _)| node).collect()
         };
         let electrodes =
             [("a", 1), ("b", 2)].map(|(name, t)| (name.to_owned(), ElectrodeNodes::Nodes(held_by(t))));
@@ -54,7 +54,7 @@ impl Scene {
         Self {
             occupancy: Occupancy::empty(nodes, network.edges().len()),
             matrix: StiffnessMatrix::new(network, nodes),
-            holders: sensor.terminals().iter().copied().chain([3]).collect(),
+            holders: sensor.terminals().iter().copied().chain([1, 2, 3]).collect(),
             sensor,
         }
     }
@@ -99,7 +99,7 @@ impl Scene {
         }
         let geometry = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.terminals(),
+            terminals: self.sensor.owners(),
             edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
