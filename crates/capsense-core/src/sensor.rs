@@ -4,7 +4,7 @@ use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
 use crate::mesh::{InvalidAxis, Lattice, MeshError, TetMesh, graded_axis};
-use crate::rim::{Rim, RimLink, rims_of_sheets, rim_on_lattice};
+use crate::rim::{Ground, Linked, Rim, RimLink, rim_on_lattice, rims_of_sheets};
 use glam::{DVec2, DVec3};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
@@ -295,7 +295,9 @@ impl Sensor {
         let mut sensor = Self::without_electrodes(mesh, &ground)?;
         sensor.lattice = Some(lattice.clone());
         for (index, electrode) in design.electrodes.iter().enumerate() {
-            let rim = rim_on_lattice(lattice, sensor.mesh.relative_permittivity(), electrode, slack);
+            let permittivity = sensor.mesh.relative_permittivity();
+            let ground = Ground { lattice, permittivity, terminals: &sensor.terminals };
+            let rim = rim_on_lattice(ground, electrode, slack);
             sensor.electrode_names.push(electrode.name.clone());
             sensor.shapes.push(Some(electrode.clone()));
             sensor.claim_with_rim(index, &electrode.name, &rim)?;
@@ -352,11 +354,18 @@ impl Sensor {
         Ok(sensor)
     }
 
-    /// The same sensor with the nodes at rims held, as a mesh alone would have it: what links are compared with.
+    /// The same sensor with the nodes that lie within an electrode's outline held, as a mesh alone would have it: what
+    /// links are compared with.
     #[must_use]
     pub fn with_rims_held(mut self) -> Self {
+        let links = std::mem::take(&mut self.rim);
+        for link in &links {
+            self.owners[link.node as usize] = FREE;
+        }
+        for link in links.into_iter().filter(|link| link.inside) {
+            self.owners[link.node as usize] = link.electrode + 1;
+        }
         self.terminals.clone_from(&self.owners);
-        self.rim.clear();
         self
     }
 
@@ -377,12 +386,12 @@ impl Sensor {
         } else {
             self.claim(terminal, name, &rim.held)?;
         }
-        for &(node, weight) in &rim.linked {
+        for &Linked { node, weight, inside } in &rim.linked {
             let owner = self.owner_mut(name, node)?;
             if *owner == FREE {
                 *owner = terminal;
             }
-            self.rim.push(RimLink { node, electrode: index as u16, weight });
+            self.rim.push(RimLink { node, electrode: index as u16, weight, inside });
         }
         let terminals = &self.terminals;
         self.rim.retain(|link| terminals[link.node as usize] == FREE);
@@ -465,7 +474,7 @@ impl Sensor {
     /// The part of an edge that lies outside the electrode which one of its ends belongs to, when the edge lies in the
     /// plane of a thin electrode and crosses its outline.
     pub fn outside_part_of_edge(&self, [a, b]: [u32; 2]) -> Option<f64> {
-        if self.lattice.is_some() {
+        if self.lattice.is_some() && !self.rim.is_empty() {
             // There, links do it.
             return None;
         }

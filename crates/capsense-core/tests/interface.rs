@@ -31,7 +31,7 @@ const ALL: [Interface; 3] = [Interface::EdgeCut, Interface::Centroid, Interface:
 
 /// One sensor on a lattice, on the same mesh not known to be one, and on a mesh with negative weights.
 static MESHES: LazyLock<[Sensor; 3]> = LazyLock::new(|| {
-    let lattice = stripes_sensor(6_000);
+    let lattice = stripes_sensor(6_000).with_rims_held();
     [without_lattice(&lattice), with_slivers(&lattice), lattice]
 });
 

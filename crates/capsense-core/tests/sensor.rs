@@ -190,7 +190,7 @@ fn walls_are_grounded_and_electrodes_own_their_corners() {
     let sensor = stripes_sensor(20_000);
     let terminal_at = |p: DVec3| {
         let at = sensor.mesh().nodes().iter().position(|n| n.distance(p) < 1e-9);
-        sensor.terminals()[at.unwrap()]
+        sensor.owners()[at.unwrap()]
     };
     assert_eq!(terminal_at(DOMAIN.min), GROUND);
     assert_eq!(terminal_at(DVec3::new(0.05, -0.04, 0.0)), 1);

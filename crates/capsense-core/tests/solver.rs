@@ -250,7 +250,7 @@ fn capacitances_are_known_before_fields_move() {
             let report = simulator.step(&depth).unwrap().solve;
             let _ = truth.step(&depth).unwrap();
             if report.iterations == 0 && !report.skipped {
-                assert!(report.relative_error <= options.tolerance && report.residual > 0.0);
+                assert!(report.relative_error <= options.tolerance && report.residual > 0.0, "{report:?}");
                 assert_ne!(simulator.capacitance().get(0, 0), before, "frame {frame}");
                 foreseen.push(error(&simulator, &truth));
             }

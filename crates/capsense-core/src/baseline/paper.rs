@@ -40,6 +40,7 @@ impl<T: Precision> PaperMethod<T> {
     /// Assembles the empty scene. What a lattice or an electrode's outline is to the simulator does not matter here:
     /// there are elements, and nodes with a terminal.
     pub fn new(sensor: &Sensor, objects: &[RelativePermittivity], options: CgOptions) -> Self {
+        let sensor = sensor.clone().with_rims_held();
         let mut free = 0..;
         let number = |&terminal: &Terminal| match terminal {
             FREE => free.next().unwrap_or(ELIMINATED),

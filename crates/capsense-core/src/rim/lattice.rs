@@ -1,10 +1,11 @@
 //! Rims on a lattice: outlines along lattice lines, across them, and curved.
 
-use super::Rim;
+use super::{Linked, Rim};
 use super::half_plane::HalfPlane;
 use super::place::{Place, place};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
+use crate::sensor::{FREE, Terminal};
 use glam::DVec2;
 use std::f64::consts::PI;
 
@@ -18,14 +19,20 @@ const CONVEX_CORNER: f64 = 0.766;
 /// Nodes closer to a corner than this part of a cell lie on it.
 const ON_CORNER: f64 = 1e-6;
 
-/// The nodes that a thin electrode holds and those it is linked to. `permittivity` is that of the lattice's
-/// tetrahedra, `flat` how far from the electrode's plane a node may lie.
-pub(crate) fn rim_on_lattice(
-    lattice: &Lattice,
-    permittivity: &Background,
-    electrode: &Electrode,
-    flat: f64,
-) -> Rim {
+/// A lattice and what is known of it before its electrodes are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ground<'a> {
+    pub(crate) lattice: &'a Lattice,
+    /// That of the lattice's tetrahedra.
+    pub(crate) permittivity: &'a Background,
+    /// What holds each node so far.
+    pub(crate) terminals: &'a [Terminal],
+}
+
+/// The nodes that a thin electrode holds and those it is linked to. `flat` is how far from the electrode's plane a node
+/// may lie.
+pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f64) -> Rim {
+    let lattice = ground.lattice;
     let [xs, ys, zs] = lattice.axes();
     let [low, high] = electrode.outline.bounds();
     let mut rim = Rim::default();
@@ -38,13 +45,13 @@ pub(crate) fn rim_on_lattice(
                 if !near {
                     continue;
                 }
-                let cell = Cell::around(lattice, permittivity, [i, j, k]);
+                let cell = Cell::around(ground, [i, j, k]);
                 let slack = ON_CORNER * cell.size.min_element();
                 let place = place(&electrode.outline, DVec2::new(xs[i], ys[j]), slack);
                 let node = lattice.node_index([i, j, k]) as u32;
                 match cell.link(&place) {
                     Link::Held => rim.held.push(node),
-                    Link::Weight(weight) => rim.linked.push((node, weight)),
+                    Link::Weight(weight) => rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 }),
                     Link::None => {}
                 }
             }
@@ -63,63 +70,101 @@ enum Link {
 struct Cell {
     /// Size in the plane.
     size: DVec2,
-    /// Heights of the lattice cells above and below.
-    heights: [f64; 2],
-    permittivity: [f64; 2],
+    /// Above and below.
+    sides: [Side; 2],
+}
+
+/// What is on one side of the plane.
+struct Side {
+    /// Height of the lattice cell.
+    height: f64,
+    /// Of that cell.
+    permittivity: f64,
+    /// ∫ dz/ε up to the nearest node that is held, as by a shield; infinite if that is further away than a cell is wide.
+    to_shield: f64,
 }
 
 impl Cell {
-    fn around(lattice: &Lattice, permittivity: &Background, [i, j, k]: [usize; 3]) -> Self {
-        let [xs, ys, zs] = lattice.axes();
-        let [cells_x, cells_y] = [xs.len() - 1, ys.len() - 1];
+    fn around(ground: Ground<'_>, place: [usize; 3]) -> Self {
+        let [xs, ys, _] = ground.lattice.axes();
+        let [i, j, _] = place;
         let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
-        let mean = |layer: usize| {
-            let of_cells = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(di, dj)| {
-                let (i, j) = (i - 1 + di, j - 1 + dj);
-                let area = (xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j]);
-                area * permittivity.at(6 * ((layer * cells_y + j) * cells_x + i))
-            });
-            of_cells.iter().sum::<f64>() / (4.0 * size.x * size.y)
-        };
-        Self {
-            size,
-            heights: [zs[k + 1] - zs[k], zs[k] - zs[k - 1]],
-            permittivity: [mean(k), mean(k - 1)],
-        }
+        Self { size, sides: [true, false].map(|up| Side::of(ground, place, size, up)) }
     }
 
     fn link(&self, place: &Place) -> Link {
         let (share, weight) = match place.corner {
-            None => self.across(place.normal, place.distance),
-            Some(angle) => self.at_corner(angle),
+            Some(angle) if angle < PI => self.at_corner(),
+            _ => self.across(place.normal, place.distance, 1.0),
         };
         if share >= LARGEST_SHARE {
             Link::Held
-        } else if share > 0.0 {
+        } else if weight > 0.0 {
             Link::Weight(weight)
         } else {
             Link::None
         }
     }
 
-    /// Share and weight of a node at a distance outside of a straight rim. Oblique rims have rows closer to each other,
-    /// of nodes further apart: exact along the axes and, on squares, along diagonals.
-    fn across(&self, normal: DVec2, distance: f64) -> (f64, f64) {
+    /// Share and weight of a node at a distance outside of a straight rim, the share reduced to a part of it. Oblique rims
+    /// have rows closer to each other, of nodes further apart: exact along the axes and, on squares, along diagonals.
+    fn across(&self, normal: DVec2, distance: f64, part: f64) -> (f64, f64) {
         let rows = 1.0 / (normal.abs() / self.size).element_sum();
-        let half_plane = HalfPlane::new(self.heights.map(|height| height / rows), self.permittivity);
-        let share = half_plane.share(distance / rows);
-        (share, self.size.element_product() / rows * half_plane.link(share))
+        let [above, below] = &self.sides;
+        let permittivity = [above.permittivity, below.permittivity];
+        let half_plane = HalfPlane::new([above.height / rows, below.height / rows], permittivity);
+        let share = part * half_plane.share(distance / rows);
+        let open = half_plane.link(share.clamp(0.0, LARGEST_SHARE));
+        // Over a shield that is nearer than the next row, the field goes straight down: a plate capacitor, of which the
+        // electrode covers a part.
+        let covered = (0.5 - distance / rows).clamp(0.0, LARGEST_SHARE);
+        let plate = |side: &Side| rows / side.to_shield * covered / (1.0 - covered);
+        let sum = permittivity[0] + permittivity[1];
+        let weight: f64 =
+            self.sides.iter().map(|side| f64::max(open * side.permittivity / sum, plate(side))).sum();
+        (share, self.size.element_product() / rows * weight)
     }
 
-    /// The same for a node on a corner between two sides along the axes.
-    fn at_corner(&self, angle: f64) -> (f64, f64) {
-        let part = if angle < PI { CONVEX_CORNER } else { 1.0 };
-        let sides = [DVec2::X, DVec2::Y].map(|normal| {
-            let rows = 1.0 / (normal / self.size).element_sum();
-            let half_plane = HalfPlane::new(self.heights.map(|height| height / rows), self.permittivity);
-            let share = part * half_plane.share(0.0);
-            (share, self.size.element_product() / rows * half_plane.link(share.clamp(0.0, LARGEST_SHARE)))
-        });
-        (0.5 * (sides[0].0 + sides[1].0), 0.5 * (sides[0].1 + sides[1].1))
+    /// The same for a node on a convex corner between two sides along the axes.
+    fn at_corner(&self) -> (f64, f64) {
+        let [x, y] = [DVec2::X, DVec2::Y].map(|normal| self.across(normal, 0.0, CONVEX_CORNER));
+        (0.5 * (x.0 + y.0), 0.5 * (x.1 + y.1))
+    }
+}
+
+impl Side {
+    fn of(ground: Ground<'_>, [i, j, k]: [usize; 3], size: DVec2, up: bool) -> Self {
+        let zs = &ground.lattice.axes()[2];
+        let layer = |k: usize| if up { k } else { k - 1 };
+        let next = |k: usize| if up { k + 1 } else { k - 1 };
+        let height = |k: usize| zs[layer(k) + 1] - zs[layer(k)];
+        let (mut at, mut depth, mut to_shield) = (k, 0.0, 0.0);
+        loop {
+            depth += height(at);
+            to_shield += height(at) / ground.mean_permittivity([i, j, layer(at)]);
+            at = next(at);
+            let held = ground.terminals[ground.lattice.node_index([i, j, at])] != FREE;
+            let beyond = depth > size.max_element() || at == 0 || at + 1 == zs.len();
+            if held || beyond {
+                let to_shield = if held && depth <= size.max_element() { to_shield } else { f64::INFINITY };
+                let permittivity = ground.mean_permittivity([i, j, layer(k)]);
+                return Self { height: height(k), permittivity, to_shield };
+            }
+        }
+    }
+}
+
+impl Ground<'_> {
+    /// Mean over the four cells of a layer around a node that is not at the wall, weighted with their areas.
+    fn mean_permittivity(&self, [i, j, layer]: [usize; 3]) -> f64 {
+        let [xs, ys, _] = self.lattice.axes();
+        let (mut sum, mut area) = (0.0, 0.0);
+        for (i, j) in [(i - 1, j - 1), (i, j - 1), (i - 1, j), (i, j)] {
+            let of_cell = (xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j]);
+            let cell = (layer * (ys.len() - 1) + j) * (xs.len() - 1) + i;
+            sum += of_cell * self.permittivity.at(6 * cell);
+            area += of_cell;
+        }
+        sum / area
     }
 }

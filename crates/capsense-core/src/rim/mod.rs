@@ -13,7 +13,7 @@ mod sheet;
 mod side;
 
 
-pub(crate) use lattice::rim_on_lattice;
+pub(crate) use lattice::{Ground, rim_on_lattice};
 pub(crate) use sheet::rims_of_sheets;
 
 /// A weight between a free node at the rim of an electrode and the electrode.
@@ -25,6 +25,8 @@ pub struct RimLink {
     pub electrode: u16,
     /// Metres times the relative permittivity around the node.
     pub weight: f64,
+    /// Whether the node lies within the outline or on it.
+    pub inside: bool,
 }
 
 /// What an electrode makes of the nodes at its rim.
@@ -32,6 +34,15 @@ pub struct RimLink {
 pub(crate) struct Rim {
     /// Nodes that are at the potential of the electrode.
     pub(crate) held: Vec<u32>,
-    /// Nodes that are linked to it, and the weights.
-    pub(crate) linked: Vec<(u32, f64)>,
+    /// Nodes that are linked to it.
+    pub(crate) linked: Vec<Linked>,
+}
+
+/// A node at a rim.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Linked {
+    pub(crate) node: u32,
+    pub(crate) weight: f64,
+    /// Whether it lies within the outline or on it.
+    pub(crate) inside: bool,
 }

@@ -49,6 +49,7 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
             node,
             electrode: terminal - 1,
             weight: permittivity[&node] * length / kappa,
+            inside: true,
         }));
     }
     links

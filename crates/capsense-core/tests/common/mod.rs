@@ -78,7 +78,9 @@ pub fn on_other_mesh(sensor: &Sensor, mesh: TetMesh) -> Sensor {
     };
     let names = sensor.electrode_names().iter().cloned();
     let electrodes = names.zip(1..).map(|(name, t)| (name, ElectrodeNodes::Nodes(nodes_of(t)))).collect();
-    Sensor::on_mesh(mesh, &nodes_of(GROUND), electrodes).unwrap()
+    let other = Sensor::on_mesh(mesh, &nodes_of(GROUND), electrodes).unwrap();
+    // Held rims stay held.
+    if sensor.rim().is_empty() { other.with_rims_held() } else { other }
 }
 
 /// The same sensor on a lattice and on a mesh that is not known to be one.
