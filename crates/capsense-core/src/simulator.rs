@@ -405,15 +405,10 @@ mod tests {
         let of_column = |column: usize| {
             let (mut free, mut held) = (0.0, 0.0);
             let mut linked = vec![0.0; simulator.matrix.nodes()];
-            let mut on_bodies = vec![0.0; simulator.fields.columns() + 2];
             for (node, body, weight) in simulator.matrix.links() {
                 let of_body = simulator.fields.potential(column, body);
                 linked[node] += weight * of_body;
-                on_bodies[body - simulator.matrix.nodes()] +=
-                    weight * of_body * (of_body - simulator.fields.potential(column, node));
-            }
-            if !simulator.matrix.is_lattice() {
-                held += on_bodies.iter().map(|charge| charge * charge).sum::<f64>();
+                held += (weight * of_body * (of_body - simulator.fields.potential(column, node))).powi(2);
             }
             for (node, row) in matrix.row_iter().enumerate() {
                 let entries = row.col_indices().iter().zip(row.values());

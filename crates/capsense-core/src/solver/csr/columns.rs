@@ -168,12 +168,21 @@ impl<const L: usize> Columns<L> {
         add(&mut self.energies[lane], &self.kx[row].map(|kx| change * kx));
     }
 
-    /// The sums of all strips and of the objects.
+    /// The sums of all strips and of the bodies. Links count as if each led to a node of its own.
     fn total(&mut self, rows: &Rows) -> Sums<L> {
         let mut sums = Sums::default();
         self.partial.iter().for_each(|partial| sums.add(partial));
+        let residual = sums.residual;
         for (x, kx) in self.x.iter().zip(&self.kx).skip(rows.len()) {
-            sums.add_row(x, kx, &[0.0; L], true);
+            sums.add_row(x, kx, &[0.0; L], false);
+        }
+        sums.residual = residual;
+        for link in rows.links() {
+            let (at_node, at_body) = (&self.x[link.row as usize], &self.x[link.object_row as usize]);
+            for lane in 0..L {
+                let onto_body = link.weight * (at_body[lane] - at_node[lane]);
+                sums.charge[lane] += (at_body[lane] * onto_body).powi(2);
+            }
         }
         self.energies = sums.energies;
         sums

@@ -71,7 +71,7 @@ impl LatticeSolver {
         is_held
     }
 
-    /// Adds the charges that links bring to objects.
+    /// Adds the charges that links bring to electrodes and objects, each as if it led to a node of its own.
     fn add_links(&mut self) {
         let Self { columns, layout, potentials, links, state, .. } = self;
         let columns = *columns;
@@ -83,6 +83,7 @@ impl LatticeSolver {
                 for (s, &potential) in of_object[..=t].iter().enumerate() {
                     state.energies[s * columns + t] += potential * on_object;
                 }
+                state.charge[t] += (at_object * on_object).powi(2);
             }
         }
     }
