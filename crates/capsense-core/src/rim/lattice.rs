@@ -1,13 +1,12 @@
 //! Rims on a lattice: outlines along lattice lines, across them, and curved.
 
-use super::{Linked, Rim};
 use super::half_plane::HalfPlane;
 use super::place::{Place, place};
+use super::{Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
 use crate::sensor::{FREE, Terminal};
 use glam::DVec2;
-use std::f64::consts::PI;
 
 /// Links of a share closer to 1 weigh so much more than edges that the node is as good as held.
 const LARGEST_SHARE: f64 = 0.999;
@@ -41,7 +40,8 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
         for j in inner(ys) {
             for i in inner(xs) {
                 // One cell beyond the outline.
-                let near = xs[i + 1] >= low.x && xs[i - 1] <= high.x && ys[j + 1] >= low.y && ys[j - 1] <= high.y;
+                let near =
+                    xs[i + 1] >= low.x && xs[i - 1] <= high.x && ys[j + 1] >= low.y && ys[j - 1] <= high.y;
                 if !near {
                     continue;
                 }
@@ -51,7 +51,9 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 let node = lattice.node_index([i, j, k]) as u32;
                 match cell.link(&place) {
                     Link::Held => rim.held.push(node),
-                    Link::Weight(weight) => rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 }),
+                    Link::Weight(weight) => {
+                        rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 })
+                    }
                     Link::None => {}
                 }
             }
@@ -93,9 +95,17 @@ impl Cell {
     }
 
     fn link(&self, place: &Place) -> Link {
-        let (share, weight) = match place.corner {
-            Some(angle) if angle < PI => self.at_corner(),
-            _ => self.across(place.normal, place.distance, 1.0),
+        // A corner counts at the four nodes around it, as much as each is near.
+        let near = place
+            .from_corner
+            .map_or(0.0, |from| (1.0 - from.abs() / self.size).max(DVec2::ZERO).element_product());
+        let part = 1.0 - (1.0 - CONVEX_CORNER) * near;
+        let (share, weight) = match place.distance == 0.0 && near > 0.999 {
+            true => {
+                let [x, y] = [DVec2::X, DVec2::Y].map(|normal| self.across(normal, 0.0, part));
+                (0.5 * (x.0 + y.0), 0.5 * (x.1 + y.1))
+            }
+            false => self.across(place.normal, place.distance, part),
         };
         if share >= LARGEST_SHARE {
             Link::Held
@@ -123,12 +133,6 @@ impl Cell {
         let weight: f64 =
             self.sides.iter().map(|side| f64::max(open * side.permittivity / sum, plate(side))).sum();
         (share, self.size.element_product() / rows * weight)
-    }
-
-    /// The same for a node on a convex corner between two sides along the axes.
-    fn at_corner(&self) -> (f64, f64) {
-        let [x, y] = [DVec2::X, DVec2::Y].map(|normal| self.across(normal, 0.0, CONVEX_CORNER));
-        (0.5 * (x.0 + y.0), 0.5 * (x.1 + y.1))
     }
 }
 

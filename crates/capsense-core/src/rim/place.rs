@@ -3,6 +3,9 @@
 use crate::electrode::Outline;
 use glam::DVec2;
 
+/// Polygons that stand for curves turn by less than at corners: the cosine between their sides is below this.
+const SHARPEST_OF_CURVES: f64 = -0.5;
+
 /// The nearest point of an outline, seen from a point in its plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
@@ -10,8 +13,8 @@ pub(super) struct Place {
     pub(super) distance: f64,
     /// Unit vector out of the electrode across the rim.
     pub(super) normal: DVec2,
-    /// Inside angle, in radians, of the corner that the point lies on.
-    pub(super) corner: Option<f64>,
+    /// From the nearest corner that the electrode fills less than half of.
+    pub(super) from_corner: Option<DVec2>,
 }
 
 /// Looks for the nearest point of an outline. Points within `slack` of it lie on it.
@@ -30,7 +33,7 @@ pub(super) fn place(outline: &Outline, point: DVec2, slack: f64) -> Place {
         Outline::Disk { center, radius } => {
             let from = point - *center;
             let normal = from.try_normalize().unwrap_or(DVec2::X);
-            Place { distance: from.length() - radius, normal, corner: None }
+            Place { distance: from.length() - radius, normal, from_corner: None }
         }
     }
 }
@@ -38,7 +41,7 @@ pub(super) fn place(outline: &Outline, point: DVec2, slack: f64) -> Place {
 fn of_contours(outline: &Outline, contours: &[&[DVec2]], point: DVec2, slack: f64) -> Place {
     let inside = outline.contains(point);
     let mut nearest = (f64::INFINITY, DVec2::X);
-    let mut corner = None;
+    let mut from_corner: Option<DVec2> = None;
     for contour in contours {
         for (index, &p) in contour.iter().enumerate() {
             let q = contour[(index + 1) % contour.len()];
@@ -48,9 +51,10 @@ fn of_contours(outline: &Outline, contours: &[&[DVec2]], point: DVec2, slack: f6
             if distance < nearest.0 {
                 nearest = (distance, foot);
             }
-            if point.distance(p) <= slack {
-                let before = contour[(index + contour.len() - 1) % contour.len()];
-                corner = Some(inside_angle(outline, before, p, q));
+            let before = contour[(index + contour.len() - 1) % contour.len()];
+            let nearer = from_corner.is_none_or(|other| point.distance(p) < other.length());
+            if nearer && is_convex(outline, before, p, q) {
+                from_corner = Some(point - p);
             }
         }
     }
@@ -58,14 +62,14 @@ fn of_contours(outline: &Outline, contours: &[&[DVec2]], point: DVec2, slack: f6
     if distance > slack {
         let outward = if inside { foot - point } else { point - foot };
         let signed = if inside { -distance } else { distance };
-        return Place { distance: signed, normal: outward / distance, corner: None };
+        return Place { distance: signed, normal: outward / distance, from_corner };
     }
     // On the rim, the side itself tells what is across.
     let side = side_at(contours, point);
     let across = side.perp();
     let step = across * (1e3 * slack);
     let normal = if outline.contains(point + step) { -across } else { across };
-    Place { distance: 0.0, normal, corner }
+    Place { distance: 0.0, normal, from_corner }
 }
 
 /// The direction of the side nearest to a point.
@@ -81,11 +85,9 @@ fn side_at(contours: &[&[DVec2]], point: DVec2) -> DVec2 {
     nearest.and_then(|[p, q]| (q - p).try_normalize()).unwrap_or(DVec2::X)
 }
 
-/// The angle inside of the electrode between two sides that meet at `p`.
-fn inside_angle(outline: &Outline, before: DVec2, p: DVec2, after: DVec2) -> f64 {
-    let (a, b) = ((before - p).normalize_or(DVec2::X), (after - p).normalize_or(DVec2::X));
-    let angle = a.angle_to(b).abs();
+/// Whether the electrode fills less than half of the surroundings of a corner by a good part.
+fn is_convex(outline: &Outline, before: DVec2, p: DVec2, after: DVec2) -> bool {
+    let (a, b) = ((before - p).normalize_or_zero(), (after - p).normalize_or_zero());
     let reach = 1e-3 * before.distance(p).min(after.distance(p));
-    let middle = (a + b).try_normalize().unwrap_or(a.perp());
-    if outline.contains(p + reach * middle) { angle } else { 2.0 * std::f64::consts::PI - angle }
+    a.dot(b) > SHARPEST_OF_CURVES && outline.contains(p + reach * (a + b).normalize_or_zero())
 }
