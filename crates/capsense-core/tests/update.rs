@@ -313,7 +313,7 @@ fn everything_and_nothing_can_be_occupied() {
         }
         updater.step_checked(&full);
         let held = updater.occupancy.conductors().iter().filter(|&&holder| holder != NO_OBJECT).count();
-        assert_eq!(held, sensor.terminals().iter().filter(|&&t| t == capsense_core::sensor::FREE).count());
+        assert_eq!(held, sensor.owners().iter().filter(|&&t| t == capsense_core::sensor::FREE).count());
         assert_eq!(updater.occupancy.contacts().len(), 3);
     }
 }
