@@ -30,6 +30,8 @@ pub(crate) struct Fields {
     /// there once.
     changed: Vec<u32>,
     is_changed: Vec<bool>,
+    /// Working storage: all columns on an edge before and after a change.
+    on_edge: [Vec<EdgeFields>; 2],
 }
 
 impl Fields {
@@ -59,6 +61,7 @@ impl Fields {
             is_changed: vec![false; row_terminals.len()],
             row_terminals,
             changed: Vec::new(),
+            on_edge: [Vec::new(), Vec::new()],
         };
         fields.reset();
         fields
@@ -104,11 +107,12 @@ impl Fields {
         }
         self.solver.bracket_mut().start_changes();
         let columns = self.terminals.len();
-        let (mut before, mut after) = (Vec::with_capacity(columns), Vec::with_capacity(columns));
+        let [mut before, mut after] = std::mem::take(&mut self.on_edge);
+        let mut is_lost = false;
         for (count, &(edge, replaced)) in occupancy.replaced_couplings().iter().enumerate() {
-            if count % EDGES_BETWEEN_LOOKS == 0 && !self.solver.bracket_is_open(options) {
-                self.solver.bracket_mut().is_lost = true;
-                return;
+            is_lost = count % EDGES_BETWEEN_LOOKS == 0 && !self.solver.bracket_is_open(options);
+            if is_lost {
+                break;
             }
             let weight = matrix.network().weights()[edge as usize];
             if weight <= 0.0 {
@@ -141,7 +145,12 @@ impl Fields {
             let free = holders.map(|holder| holder == FREE);
             self.solver.bracket_mut().change(weight, &before, &after, free);
         }
-        self.solver.bracket_mut().finish_changes();
+        self.on_edge = [before, after];
+        if is_lost {
+            self.lose_bracket();
+        } else {
+            self.solver.bracket_mut().finish_changes();
+        }
     }
 
     /// Nothing is known of what the changes of a frame do.

@@ -74,15 +74,6 @@ impl Regions {
         self.objects.push(object);
         (self.spacing, &mut self.boxes)
     }
-
-    /// Appends boxes by a function that says whether an object differs at all, and returns what it says.
-    pub(super) fn compare(&mut self, object: usize, find: impl FnOnce(&mut Vec<Aabb>) -> bool) -> bool {
-        let differs = find(&mut self.boxes);
-        if differs {
-            self.objects.push(object);
-        }
-        differs
-    }
 }
 
 /// What was seen in the frame before, and what is different now.

@@ -4,10 +4,16 @@
 //! it changes only between the lowest and the highest place at which the interpolated surface was or is. What lies to
 //! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
 
-use super::DepthLayers;
 use super::crossing::{NOWHERE, hull, larger, smaller};
-use crate::geometry::Aabb;
+use super::{DepthLayers, Regions};
 use std::ops::Range;
+
+/// Pixels that are looked at together.
+const LANES: usize = 8;
+
+/// Boxes this long, in mean spacings of the mesh, are small enough, and depths in them may differ by so much.
+const SMALL: f64 = 1.0;
+const THIN: f64 = 0.3;
 
 const FRONT: usize = 0;
 const BACK: usize = 1;
@@ -23,40 +29,72 @@ pub(super) struct Comparison {
 }
 
 impl Comparison {
-    /// Appends boxes around all that may differ between two comparable images of an object, and says whether the images
-    /// differ at all.
-    pub(super) fn find(&mut self, object: usize, images: [&DepthLayers; 2], regions: &mut Vec<Aabb>) -> bool {
-        let image = images[0];
-        let (width, height) = (image.view().width, image.view().height);
+    /// Appends boxes around all that may differ between two comparable images of an object, has the earlier one be as the
+    /// later one.
+    pub(super) fn find(
+        &mut self,
+        object: usize,
+        before: &mut DepthLayers,
+        now: &DepthLayers,
+        regions: &mut Regions,
+    ) {
+        let (width, height) = (now.view().width, now.view().height);
+        let images = [&*before, now];
         let pairs = [images.map(|image| image.front(object)), images.map(|image| image.back(object))];
         for (difference, pair) in self.differences.iter_mut().zip(pairs) {
             difference.mark(width, pair);
         }
-        if self.differences.iter().all(|of| of.rows.iter().all(|[first, end]| first >= end)) {
-            return false;
+        let columns = self.columns_near(0..height, width);
+        if columns.is_empty() {
+            return;
         }
+        let (spacing, boxes) = regions.of_object(object);
+        let pixel = now.pixel_width();
+        for stack in &mut self.stacks {
+            // As far as the cast goes; images have fewer columns.
+            stack.reach = (SMALL * spacing / f64::from(pixel)) as usize;
+            stack.slack = larger(pixel, (THIN * spacing) as f32);
+        }
+        self.compare_rows(width, &columns, pairs, now.jump());
+        for stack in &mut self.stacks {
+            boxes.extend(stack.done.drain(..).map(|b| now.pixel_box(b.columns, b.rows, b.depths)));
+        }
+        let [of_front, of_back] = &self.differences;
+        let (front, back) = before.layer_mut(object);
+        of_front.take_over(width, front, now.front(object));
+        of_back.take_over(width, back, now.back(object));
+    }
+
+    /// Finds boxes row by row; all that differs is in some columns, at least one away from their ends if there is one.
+    fn compare_rows(&mut self, width: usize, columns: &Range<usize>, pairs: [Pair<'_>; 2], jump: f32) {
+        let height = self.differences[0].rows.len();
+        let mut next = 0;
         for row in 0..height {
             let around = row.saturating_sub(1)..(row + 2).min(height);
-            let columns = self.columns_near(around.clone(), width);
-            for (difference, pair) in self.differences.iter_mut().zip(pairs) {
-                difference.gather(width, &columns, around.clone(), pair);
-            }
-            let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..width]));
-            let strip = Strip { differences: &self.differences, own, jump: image.jump() };
-            for (side, stack) in self.stacks.iter_mut().enumerate() {
-                for column in columns.clone() {
-                    if let Some(depths) = strip.may_differ(side, column) {
-                        stack.add(column, row, depths, image.pixel_width());
+            let near = self.columns_near(around.clone(), width);
+            if !near.is_empty() {
+                next = next.max(around.start);
+                for line in next..around.end {
+                    for (difference, pair) in self.differences.iter_mut().zip(pairs) {
+                        difference.take_line(width, columns, line, pair);
                     }
                 }
-                stack.end_row(image.pixel_width());
+                next = around.end;
+                for difference in &mut self.differences {
+                    difference.gather(columns, row, around.clone());
+                }
+                let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..near.end]));
+                let strip = Strip { differences: &self.differences, own, jump };
+                for column in near.step_by(LANES) {
+                    let found = strip.may_differ(column);
+                    for (stack, depths) in self.stacks.iter_mut().zip(found.iter().flatten()) {
+                        stack.add_lanes(column, row, depths);
+                    }
+                }
             }
+            self.stacks.iter_mut().for_each(BoxStack::end_row);
         }
-        for stack in &mut self.stacks {
-            stack.end_row(image.pixel_width());
-            regions.extend(stack.done.drain(..).map(|b| image.pixel_box(b.columns, b.rows, b.depths)));
-        }
-        true
+        self.stacks.iter_mut().for_each(BoxStack::end_row);
     }
 
     /// Columns beside which something differs in some rows.
@@ -70,35 +108,60 @@ impl Comparison {
 /// Where one surface differs.
 #[derive(Clone, Debug, Default)]
 struct Difference {
-    pixels: Vec<bool>,
+    /// The bits in which each pixel differs; those of rows in which none differs are of an earlier comparison.
+    pixels: Vec<u32>,
     /// The columns that differ in each row lie from the first up to, without, the second.
     rows: Vec<[usize; 2]>,
-    /// What is in each column of the row at hand and of those beside it. One more column stands before the first.
+    /// What is in three successive rows, by the row's number modulo three. Here and in the next, one more column stands
+    /// before the first and behind the last.
+    lines: [Band; 3],
+    /// What is in each column of the row at hand and of those beside it.
     upright: Band,
     /// What is in the eight pixels around each pixel of the row at hand, and in itself.
     around: Band,
 }
 
-/// For each column, whether some pixels differ, and the lowest and the highest of their depths in either image.
+/// For each column, bits in which some pixels differ, and the lowest and the highest of their depths in either image.
 #[derive(Clone, Debug, Default)]
 struct Band {
-    differs: Vec<bool>,
+    bits: Vec<u32>,
     low: Vec<f32>,
     high: Vec<f32>,
 }
 
 impl Band {
+    /// Forgets all if the number of columns is another.
     fn resize(&mut self, columns: usize) {
-        self.differs.resize(columns, false);
-        self.low.resize(columns, NOWHERE[0]);
-        self.high.resize(columns, NOWHERE[1]);
+        if self.bits.len() != columns {
+            let Self { bits, low, high } = self;
+            (bits.clear(), low.clear(), high.clear());
+            bits.resize(columns, 0);
+            low.resize(columns, NOWHERE[0]);
+            high.resize(columns, NOWHERE[1]);
+        }
+    }
+
+    fn copy_from(&mut self, columns: Range<usize>, other: &Self) {
+        self.bits[columns.clone()].copy_from_slice(&other.bits[columns.clone()]);
+        self.low[columns.clone()].copy_from_slice(&other.low[columns.clone()]);
+        self.high[columns.clone()].copy_from_slice(&other.high[columns]);
+    }
+
+    fn include(&mut self, columns: Range<usize>, other: &Self) {
+        let bits = self.bits[columns.clone()].iter_mut().zip(&other.bits[columns.clone()]);
+        bits.for_each(|(bits, other)| *bits |= other);
+        let low = self.low[columns.clone()].iter_mut().zip(&other.low[columns.clone()]);
+        low.for_each(|(low, other)| *low = smaller(*low, *other));
+        let high = self.high[columns.clone()].iter_mut().zip(&other.high[columns]);
+        high.for_each(|(high, other)| *high = larger(*high, *other));
     }
 }
 
 impl Difference {
     /// Marks pixels and rows that are not the same bit for bit.
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
-        self.pixels.resize(now.len(), false);
+        self.pixels.resize(now.len(), 0);
+        self.lines.iter_mut().for_each(|line| line.resize(width + 2));
         self.upright.resize(width + 2);
         self.around.resize(width);
         self.rows.clear();
@@ -106,61 +169,68 @@ impl Difference {
         for ((before, now), pixels) in rows.zip(self.pixels.chunks_exact_mut(width)) {
             let bits = before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits());
             if bits.clone().fold(0, |all, bits| all | bits) == 0 {
-                pixels.fill(false);
                 self.rows.push([width, 0]);
                 continue;
             }
-            pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits != 0);
-            let first = pixels.iter().position(|&differs| differs).unwrap_or(width);
-            let last = pixels.iter().rposition(|&differs| differs).map_or(0, |last| last + 1);
+            pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits);
+            let first = pixels.iter().position(|&bits| bits != 0).unwrap_or(width);
+            let last = pixels.iter().rposition(|&bits| bits != 0).map_or(0, |last| last + 1);
             self.rows.push([first, last]);
         }
     }
 
-    /// Finds what is around the pixels of one row: first takes three rows together, then three columns.
-    fn gather(&mut self, width: usize, columns: &Range<usize>, rows: Range<usize>, pair: Pair<'_>) {
-        if columns.is_empty() {
-            return;
-        }
-        let Band { differs, low, high } = &mut self.upright;
-        let padded = columns.start..columns.end + 2;
-        differs[padded.clone()].fill(false);
-        low[padded.clone()].fill(NOWHERE[0]);
-        high[padded.clone()].fill(NOWHERE[1]);
+    /// Takes what is in one row, in some columns and those beside them.
+    fn take_line(&mut self, width: usize, columns: &Range<usize>, row: usize, [before, now]: Pair<'_>) {
         let beside = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
-        let padded_beside = beside.start + 1..beside.end + 1;
-        for row in rows {
-            let pixels = row * width + beside.start..row * width + beside.end;
-            let marks = differs[padded_beside.clone()].iter_mut().zip(&self.pixels[pixels.clone()]);
-            marks.for_each(|(differs, pixel)| *differs |= pixel);
-            for surface in pair {
-                let (low, high) = (&mut low[padded_beside.clone()], &mut high[padded_beside.clone()]);
-                let extremes = low.iter_mut().zip(high);
-                for ((low, high), &depth) in extremes.zip(&surface[pixels.clone()]) {
-                    [*low, *high] = hull([*low, *high], interval(depth));
-                }
-            }
+        let padded = beside.start + 1..beside.end + 1;
+        let pixels = row * width + beside.start..row * width + beside.end;
+        let Band { bits, low, high } = &mut self.lines[row % 3];
+        let [first, end] = self.rows[row];
+        if first < end {
+            bits[padded.clone()].copy_from_slice(&self.pixels[pixels.clone()]);
+        } else {
+            bits[padded.clone()].fill(0);
         }
-        for (around, three) in
-            self.around.differs[columns.clone()].iter_mut().zip(differs[padded.clone()].windows(3))
-        {
-            *around = three[0] | three[1] | three[2];
+        let depths = || before[pixels.clone()].iter().zip(&now[pixels.clone()]);
+        let lows = low[padded.clone()].iter_mut().zip(depths());
+        lows.for_each(|(low, (&a, &b))| *low = smaller(interval(a)[0], interval(b)[0]));
+        let highs = high[padded].iter_mut().zip(depths());
+        highs.for_each(|(high, (&a, &b))| *high = larger(interval(a)[1], interval(b)[1]));
+    }
+
+    /// Finds what is around the pixels of one row: first takes three rows together, then three columns.
+    fn gather(&mut self, columns: &Range<usize>, row: usize, rows: Range<usize>) {
+        let Self { lines, upright, around, .. } = self;
+        let padded = columns.start..columns.end + 2;
+        upright.copy_from(padded.clone(), &lines[row % 3]);
+        for beside in rows.filter(|beside| *beside != row) {
+            upright.include(padded.clone(), &lines[beside % 3]);
         }
-        let lowest = self.around.low[columns.clone()].iter_mut().zip(low[padded.clone()].windows(3));
+        let bits = around.bits[columns.clone()].iter_mut().zip(upright.bits[padded.clone()].windows(3));
+        bits.for_each(|(bits, three)| *bits = three[0] | three[1] | three[2]);
+        let lowest = around.low[columns.clone()].iter_mut().zip(upright.low[padded.clone()].windows(3));
         lowest.for_each(|(lowest, three)| *lowest = smaller(smaller(three[0], three[1]), three[2]));
-        let highest = self.around.high[columns.clone()].iter_mut().zip(high[padded].windows(3));
+        let highest = around.high[columns.clone()].iter_mut().zip(upright.high[padded].windows(3));
         highest.for_each(|(highest, three)| *highest = larger(larger(three[0], three[1]), three[2]));
     }
 
-    /// The interval around all that interpolation may make of a pixel's depths in both images: values between those of
-    /// its neighbours that are no jump away.
-    fn depths_around(&self, column: usize, own: [f32; 2], jump: f32) -> [f32; 2] {
-        let [low, high] = hull(interval(own[0]), interval(own[1]));
-        [larger(self.around.low[column], low - jump), smaller(self.around.high[column], high + jump)]
+    /// Copies what differs.
+    fn take_over(&self, width: usize, old: &mut [f32], new: &[f32]) {
+        for (row, &[first, end]) in self.rows.iter().enumerate().filter(|(_, [first, end])| first < end) {
+            let pixels = row * width + first..row * width + end;
+            old[pixels.clone()].copy_from_slice(&new[pixels]);
+        }
     }
 }
 
-/// A row of both images, with what is around it.
+/// Depths between which answers may differ in successive pixels, from the lowest to the highest; [`NOWHERE`] in those in
+/// which none does.
+struct Depths {
+    low: [f32; LANES],
+    high: [f32; LANES],
+}
+
+/// A row of both images, up to some column, with what is around it.
 struct Strip<'a> {
     differences: &'a [Difference; 2],
     own: [Pair<'a>; 2],
@@ -168,19 +238,60 @@ struct Strip<'a> {
 }
 
 impl Strip<'_> {
-    /// Depths between which answers may differ in a pixel because of its front, or because of its back. Pixels that see
-    /// the object in one of the images only count with the front.
-    fn may_differ(&self, side: usize, column: usize) -> Option<[f32; 2]> {
-        let sees = |image: usize| self.own[FRONT][image][column] <= self.own[BACK][image][column];
-        let depths = |side: usize| {
-            let own = self.own[side].map(|surface| surface[column]);
-            self.differences[side].depths_around(column, own, self.jump)
-        };
-        match (sees(0), sees(1)) {
-            (true, true) => self.differences[side].around.differs[column].then(|| depths(side)),
-            (false, false) => None,
-            _ => (side == FRONT).then(|| [depths(FRONT)[0], depths(BACK)[1]]),
+    /// Where answers may differ because of the fronts, and because of the backs, in the pixels from some column on. Those
+    /// that see the object in one of the images only count with the front. `None` if nothing is different.
+    #[inline]
+    fn may_differ(&self, column: usize) -> Option<[Depths; 2]> {
+        let end = self.own[FRONT][0].len();
+        let bits = [FRONT, BACK].map(|side| lanes(&self.differences[side].around.bits[..end], column, 0));
+        if bits.iter().flatten().fold(0, |all, bits| all | bits) == 0 {
+            return None;
         }
+        let [front, back] = [FRONT, BACK].map(|side| {
+            let missed = [f32::INFINITY, f32::NEG_INFINITY][side];
+            self.own[side].map(|surface| lanes(surface, column, missed))
+        });
+        let [of_front, of_back] =
+            [(FRONT, &front), (BACK, &back)].map(|(side, own)| self.depths_around(side, column, own));
+        let sees = |image: usize, i: usize| front[image][i] <= back[image][i];
+        let both = |i: usize| sees(0, i) & sees(1, i);
+        let one = |i: usize| sees(0, i) ^ sees(1, i);
+        let in_front = |i: usize| one(i) | (both(i) & (bits[FRONT][i] != 0));
+        let in_back = |i: usize| both(i) & (bits[BACK][i] != 0);
+        let highest = |i: usize| if one(i) { of_back.high[i] } else { of_front.high[i] };
+        let front = Depths {
+            low: std::array::from_fn(|i| if in_front(i) { of_front.low[i] } else { NOWHERE[0] }),
+            high: std::array::from_fn(|i| if in_front(i) { highest(i) } else { NOWHERE[1] }),
+        };
+        let back = Depths {
+            low: std::array::from_fn(|i| if in_back(i) { of_back.low[i] } else { NOWHERE[0] }),
+            high: std::array::from_fn(|i| if in_back(i) { of_back.high[i] } else { NOWHERE[1] }),
+        };
+        Some([front, back])
+    }
+
+    /// The intervals around all that interpolation may make of pixels' depths in both images: values between those of
+    /// their neighbours that are no jump away.
+    #[inline]
+    fn depths_around(&self, side: usize, column: usize, own: &[[f32; LANES]; 2]) -> Depths {
+        let end = self.own[FRONT][0].len();
+        let Band { low, high, .. } = &self.differences[side].around;
+        let (low, high) = (lanes(&low[..end], column, NOWHERE[0]), lanes(&high[..end], column, NOWHERE[1]));
+        let own = |i: usize| hull(interval(own[0][i]), interval(own[1][i]));
+        Depths {
+            low: std::array::from_fn(|i| larger(low[i], own(i)[0] - self.jump)),
+            high: std::array::from_fn(|i| smaller(high[i], own(i)[1] + self.jump)),
+        }
+    }
+}
+
+/// Successive values from an index on, and others behind the last.
+#[inline]
+fn lanes<T: Copy>(values: &[T], at: usize, others: T) -> [T; LANES] {
+    let rest = values.get(at..).unwrap_or_default();
+    match rest.first_chunk() {
+        Some(chunk) => *chunk,
+        None => std::array::from_fn(|i| rest.get(i).copied().unwrap_or(others)),
     }
 }
 
@@ -192,9 +303,13 @@ struct PixelBox {
     depths: [f32; 2],
 }
 
-/// Puts pixels together to boxes: first those next to each other in a row, then equal runs of successive rows.
+/// Puts pixels together to boxes: first those next to each other in a row, then runs of successive rows that are equal or
+/// so short that together they are small enough.
 #[derive(Clone, Debug, Default)]
 struct BoxStack {
+    /// Number of pixels along a box that is small enough, and by how much depths in a box may differ.
+    reach: usize,
+    slack: f32,
     run: Option<PixelBox>,
     /// Boxes that end at the row before, in the order of their columns; those up to `passed` grow no more.
     growing: Vec<PixelBox>,
@@ -204,34 +319,69 @@ struct BoxStack {
 }
 
 impl BoxStack {
-    /// Adds a pixel; columns come in increasing order.
-    fn add(&mut self, column: usize, row: usize, depths: [f32; 2], slack: f32) {
-        if let Some(run) = &mut self.run
-            && run.columns[1] == column
-            && let Some(depths) = joined(run.depths, depths, slack)
-        {
-            *run = PixelBox { columns: [run.columns[0], column + 1], depths, ..*run };
-        } else {
-            self.end_run(slack);
-            self.run = Some(PixelBox { columns: [column, column + 1], rows: [row, row + 1], depths });
+    /// Adds pixels from some column on; columns come in increasing order.
+    #[inline]
+    fn add_lanes(&mut self, column: usize, row: usize, Depths { low, high }: &Depths) {
+        let lowest = low.iter().fold(NOWHERE[0], |a, b| smaller(a, *b));
+        let highest = high.iter().fold(NOWHERE[1], |a, b| larger(a, *b));
+        if lowest > highest {
+            return;
+        }
+        let lengths = |pick: fn(f32, f32) -> f32, start| {
+            low.iter().zip(high).fold(start, |length, (low, high)| pick(length, high - low))
+        };
+        let (shortest, longest) = (lengths(smaller, f32::INFINITY), lengths(larger, 0.0));
+        if shortest >= 0.0 && highest - lowest <= longest + self.slack {
+            self.add([column, column + LANES], row, [lowest, highest]);
+            return;
+        }
+        for ((&low, &high), column) in low.iter().zip(high).zip(column..) {
+            if low <= high {
+                self.add([column, column + 1], row, [low, high]);
+            }
         }
     }
 
-    fn end_run(&mut self, slack: f32) {
+    fn add(&mut self, columns: [usize; 2], row: usize, depths: [f32; 2]) {
+        if let Some(run) = &mut self.run
+            && run.columns[1] == columns[0]
+            && let Some(depths) = joined(run.depths, depths, self.slack)
+        {
+            *run = PixelBox { columns: [run.columns[0], columns[1]], depths, ..*run };
+        } else {
+            self.end_run();
+            self.run = Some(PixelBox { columns, rows: [row, row + 1], depths });
+        }
+    }
+
+    fn end_run(&mut self) {
         let Some(mut run) = self.run.take() else { return };
-        while let Some(&below) = self.growing.get(self.passed).filter(|b| b.columns[0] <= run.columns[0]) {
-            self.passed += 1;
-            match joined(below.depths, run.depths, slack).filter(|_| below.columns == run.columns) {
-                Some(depths) => run = PixelBox { rows: [below.rows[0], run.rows[1]], depths, ..run },
-                None => self.done.push(below),
+        while let Some(&below) = self.growing.get(self.passed).filter(|b| b.columns[0] <= run.columns[1]) {
+            if let Some(larger) = self.together(&below, &run) {
+                run = larger;
+            } else if below.columns[0] <= run.columns[0] {
+                self.done.push(below);
+            } else {
+                // A later run of this row may be on top of it.
+                break;
             }
+            self.passed += 1;
         }
         self.grown.push(run);
     }
 
+    /// The box around a box and a run on top of it, if it holds little else.
+    fn together(&self, below: &PixelBox, run: &PixelBox) -> Option<PixelBox> {
+        let columns = [below.columns[0].min(run.columns[0]), below.columns[1].max(run.columns[1])];
+        let rows = [below.rows[0].min(run.rows[0]), run.rows[1]];
+        let is_small = columns[1] - columns[0] <= self.reach && rows[1] - rows[0] <= self.reach;
+        let depths = joined(below.depths, run.depths, self.slack)?;
+        (is_small || below.columns == run.columns).then_some(PixelBox { columns, rows, depths })
+    }
+
     /// The next pixel will be in the next row.
-    fn end_row(&mut self, slack: f32) {
-        self.end_run(slack);
+    fn end_row(&mut self) {
+        self.end_run();
         self.done.extend(&self.growing[self.passed..]);
         self.growing.clear();
         self.passed = 0;

@@ -169,12 +169,6 @@ impl DepthLayers {
         self.view == other.view && self.objects == other.objects
     }
 
-    /// Takes over the depths of a comparable image.
-    pub(super) fn copy_from(&mut self, other: &Self) {
-        self.front.copy_from_slice(&other.front);
-        self.back.copy_from_slice(&other.back);
-    }
-
     fn pixels_of(&self, object: usize) -> std::ops::Range<usize> {
         let pixels = self.view.width * self.view.height;
         object * pixels..(object + 1) * pixels
@@ -265,12 +259,8 @@ impl Surfaces for DepthLayers {
             before.remember_image(self);
             return false;
         };
-        let mut differs = false;
         for object in 0..self.objects {
-            differs |= regions.compare(object, |boxes| comparison.find(object, [image, self], boxes));
-        }
-        if differs {
-            image.copy_from(self);
+            comparison.find(object, image, self, regions);
         }
         true
     }

@@ -4,7 +4,7 @@
 //! quadratic for round ones. The quadratic is solved from the line's distance to the centre, so that nothing cancels
 //! when both ends are far away.
 
-use glam::{DVec2, DVec3};
+use glam::{BVec3, DVec2, DVec3};
 
 /// Solids are smaller than stated by this part. Points that lie in a face but for rounding then all are outside, so that
 /// a face in a plane of nodes holds either all or none of them, and opposite faces are alike.
@@ -218,8 +218,10 @@ impl Patch {
 }
 
 impl Convex {
-    /// Patches that together are the surface.
-    pub(super) fn surface(&self) -> Vec<Patch> {
+    /// Patches that together are the surface, each with the coordinates that its part of [`Convex::interval`] and of
+    /// [`Convex::contains`] is made of, and nothing else: those across a flat face, those across the axis of a round side.
+    /// The parts of a capsule touch each other, so that they are not told apart.
+    pub(super) fn surface(&self) -> Vec<(Patch, BVec3)> {
         let quarter = std::f64::consts::FRAC_PI_2;
         let around = |profile: Profile| {
             (0..4).map(move |k| {
@@ -229,13 +231,15 @@ impl Convex {
         };
         let side =
             |radius: f64, half: f64| Profile::Line([DVec2::new(radius, -half), DVec2::new(radius, half)]);
+        let all =
+            |patches: Vec<Patch>, made_of: BVec3| patches.into_iter().map(move |patch| (patch, made_of));
         match *self {
             Self::Box(half) => (0..3)
                 .flat_map(|axis| {
                     [-1.0, 1.0].map(|sign| {
                         let (mut min, mut max) = (-half, half);
                         (min[axis], max[axis]) = (sign * half[axis], sign * half[axis]);
-                        Patch::Flat { min, max }
+                        (Patch::Flat { min, max }, BVec3::from_array([axis == 0, axis == 1, axis == 2]))
                     })
                 })
                 .collect(),
@@ -247,12 +251,13 @@ impl Convex {
                 };
                 let ends = around(cap(1.0)).chain(around(cap(-1.0)));
                 let side = (half_length > 0.0).then(|| around(side(radius, half_length)));
-                ends.chain(side.into_iter().flatten()).collect()
+                all(ends.chain(side.into_iter().flatten()).collect(), BVec3::TRUE).collect()
             }
             Self::Cylinder { radius, half_length } => {
                 let end = |z: f64| Profile::Line([DVec2::new(0.0, z), DVec2::new(radius, z)]);
                 let ends = around(end(half_length)).chain(around(end(-half_length)));
-                ends.chain(around(side(radius, half_length))).collect()
+                let side = all(around(side(radius, half_length)).collect(), BVec3::new(true, true, false));
+                all(ends.collect(), BVec3::new(false, false, true)).chain(side).collect()
             }
         }
     }

@@ -165,7 +165,7 @@ impl Solid {
                 });
             }
         };
-        let corners = convex.surface().into_iter().flat_map(|patch| patch.bounds());
+        let corners = convex.surface().into_iter().flat_map(|(patch, _)| patch.bounds());
         Ok(Self {
             body: Body::Convex(convex.shrunk()),
             bounds: Aabb::around(corners),

@@ -4,10 +4,31 @@
 //! other is passed by the surface on the way, so it lies in the convex hull of some piece's places at both ends. Boxes
 //! around these hulls therefore hold everything that may differ, and also both surfaces themselves: no segment beyond
 //! them is cut in either pose.
+//!
+//! # Faces that slide within themselves
+//! When a box or a cylinder is shifted along one of its faces, that face stays in its plane, and only what passes the
+//! other surfaces can change. Their boxes suffice, bit for bit, where *coordinates of the solid's frame are kept*: where
+//! the components of the pose's translation that differ are multiplied by exactly zero in those coordinates, they are the
+//! same numbers for every point, but for the sign of a zero, which nothing in `convex` depends on. Then the part K of a
+//! line that is within the kept faces is the same in bits. What the line has within the other surfaces, O, may differ.
+//! The answer follows from where the ends are and from the later start and the earlier end of K and O in [0, 1].
+//!
+//! Take a segment that stays out of the boxes around the other surfaces. Where it is in K it is between the planes of the
+//! kept faces, where the other surfaces are complete: it cannot come from their inside to their outside without
+//! touching them, nor can they have passed it during the move, so that all of K in [0, 1] is inside them in both poses or
+//! outside in both. Boxes are larger than their surfaces by far more than rounding moves a crossing ([`MARGIN`]), so
+//! this holds of numbers as it does of points:
+//! - Inside: O reaches beyond K on both sides, or beyond the segment. What is chosen from both is the bits of K, or the
+//!   segment's end.
+//! - Outside: O and K have nothing in common on the segment; in both poses it passes by.
+//!
+//! An end is in the solid if it is within K and O, of which the same is true. The boxes hold the rims of the faces that
+//! are left out. A capsule's surfaces touch each other without an angle, so that no margin parts the crossings of one
+//! from those of another, and triangles are not told from their planes' distances: of these no face is left out.
 
 use super::convex::Convex;
 use crate::geometry::Aabb;
-use glam::{DAffine3, DVec3};
+use glam::{BVec3, DAffine3, DVec3};
 
 /// Pieces are not halved below this part of the solid's diameter.
 const FINEST: f64 = 1.0 / 40.0;
@@ -26,6 +47,8 @@ const THIN: f64 = 0.3;
 struct Node {
     centre: DVec3,
     half: DVec3,
+    /// The coordinates that tell where the piece is crossed; all of them if they are not told apart.
+    made_of: BVec3,
     /// The node that comes after this one and all within it; a leaf's is its successor.
     exit: u32,
 }
@@ -41,22 +64,23 @@ impl SurfaceTree {
     pub(super) fn of_convex(solid: &Convex) -> Self {
         let mut tree = Self::default();
         let patches = solid.surface();
-        let around = patches.iter().flat_map(|patch| patch.bounds());
+        let around = patches.iter().flat_map(|(patch, _)| patch.bounds());
         let finest = FINEST * Aabb::around(around).size().length();
         // A stack of patches, and of nodes whose exits are known once all above them on the stack are done.
         enum Task {
-            Add(super::convex::Patch),
+            Add(super::convex::Patch, BVec3),
             Close(usize),
         }
-        let mut tasks: Vec<Task> = patches.into_iter().map(Task::Add).collect();
+        let mut tasks: Vec<Task> =
+            patches.into_iter().map(|(patch, made_of)| Task::Add(patch, made_of)).collect();
         while let Some(task) = tasks.pop() {
             match task {
-                Task::Add(patch) => {
+                Task::Add(patch, made_of) => {
                     let [min, max] = patch.bounds();
-                    let node = tree.push(Aabb { min, max });
+                    let node = tree.push(Aabb { min, max }, made_of);
                     if (max - min).max_element() > finest {
                         tasks.push(Task::Close(node));
-                        tasks.extend(patch.halves().map(Task::Add));
+                        tasks.extend(patch.halves().map(|half| Task::Add(half, made_of)));
                     }
                 }
                 Task::Close(node) => tree.nodes[node].exit = tree.nodes.len() as u32,
@@ -69,24 +93,29 @@ impl SurfaceTree {
     pub(super) fn of_boxes(boxes: impl IntoIterator<Item = (Aabb, u32)>) -> Self {
         let mut tree = Self::default();
         for (bounds, exit) in boxes {
-            let node = tree.push(bounds);
+            let node = tree.push(bounds, BVec3::TRUE);
             tree.nodes[node].exit = exit;
         }
         tree
     }
 
-    fn push(&mut self, bounds: Aabb) -> usize {
+    fn push(&mut self, bounds: Aabb, made_of: BVec3) -> usize {
         let (centre, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
-        self.nodes.push(Node { centre, half, exit: self.nodes.len() as u32 + 1 });
+        self.nodes.push(Node { centre, half, made_of, exit: self.nodes.len() as u32 + 1 });
         self.nodes.len() - 1
     }
 
     /// Appends boxes in the sensor frame around all places at which a solid of this surface may answer differently after
     /// a move. They get smaller only until they are good enough for a mesh of some spacing.
     pub(super) fn append_regions(&self, poses: [&DAffine3; 2], spacing: f64, regions: &mut Vec<Aabb>) {
+        let moved = !kept_coordinates(poses);
         let [before, now] = poses.map(Placement::new);
         let mut at = 0;
         while let Some(node) = self.nodes.get(at) {
+            if !(node.made_of & moved).any() {
+                at = node.exit as usize;
+                continue;
+            }
             let (a, b) = (before.place(node), now.place(node));
             let region = Aabb { min: a.min.min(b.min), max: a.max.max(b.max) };
             let is_leaf = node.exit as usize == at + 1;
@@ -98,6 +127,18 @@ impl SurfaceTree {
             }
         }
     }
+}
+
+/// Coordinates in the solid's frame that a move leaves alone for every point: the solid is not turned, and each component
+/// of its place that differs is multiplied by zero in them. Never all, as a rotation has no column of zeros.
+fn kept_coordinates([before, now]: [&DAffine3; 2]) -> BVec3 {
+    let sensor_from_object = now.matrix3;
+    if before.matrix3 != sensor_from_object {
+        return BVec3::FALSE;
+    }
+    let differs = before.translation.cmpne(now.translation);
+    let is_kept = |axis: usize| !(sensor_from_object.col(axis).cmpne(DVec3::ZERO) & differs).any();
+    BVec3::from_array([0, 1, 2].map(is_kept))
 }
 
 /// Whether smaller boxes would save little: this one is small, or so thin that it mostly holds what must be visited.
@@ -131,5 +172,5 @@ impl<'a> Placement<'a> {
 /// The box in the sensor frame around a box in a solid's frame.
 pub(super) fn placed(pose: &DAffine3, bounds: &Aabb) -> Aabb {
     let (centre, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
-    Placement::new(pose).place(&Node { centre, half, exit: 0 })
+    Placement::new(pose).place(&Node { centre, half, made_of: BVec3::TRUE, exit: 0 })
 }

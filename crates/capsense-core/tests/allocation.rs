@@ -1,0 +1,98 @@
+//! Once storage has grown, taking over a frame allocates nothing. Solving it may: how often is printed, not bounded.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::{Pose, Shape};
+use capsense_core::glam::{DQuat, DVec3};
+use capsense_core::material::{Connection, Material};
+use capsense_core::occupancy::{DepthLayers, Surfaces};
+use capsense_core::simulator::Simulator;
+use capsense_core::solids::Solids;
+use capsense_core::solver::SolverOptions;
+use common::{bar, conductor, depth_of_boxes, dielectric, stripes_sensor};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Allocations so far, on all threads: there is but one test, so that no other is counted.
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+/// The system's allocator, and how often it was asked for memory.
+struct Counting;
+
+// SAFETY: every call goes to the system's allocator as it is, which keeps the contract; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise on `layout` is the one that this needs.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// There and back on a way of 20 mm, 1 mm a frame.
+const FRAMES: usize = 40;
+
+fn shift(frame: usize) -> f64 {
+    let frame = frame % FRAMES;
+    1e-3 * frame.min(FRAMES - frame) as f64
+}
+
+/// Goes the way three times and counts the allocations of updates, and those of solves, on the last.
+fn allocations<S: Surfaces>(materials: &[Material], mut surfaces: impl FnMut(usize) -> S) -> [usize; 2] {
+    let options = SolverOptions { threads: Some(1), ..SolverOptions::default() };
+    let mut simulator = Simulator::new(stripes_sensor(10_000), materials.to_vec(), options).unwrap();
+    let mut counts = [0; 2];
+    for frame in 0..3 * FRAMES {
+        let surfaces = surfaces(frame);
+        let start = ALLOCATIONS.load(Ordering::Relaxed);
+        simulator.update(&surfaces).unwrap();
+        let updated = ALLOCATIONS.load(Ordering::Relaxed);
+        let _ = simulator.solve().unwrap();
+        let solved = ALLOCATIONS.load(Ordering::Relaxed);
+        if frame >= 2 * FRAMES {
+            counts = [counts[0] + updated - start, counts[1] + solved - updated];
+        }
+    }
+    counts
+}
+
+#[test]
+fn frames_allocate_nothing() {
+    let grounded = conductor(Connection::Grounded);
+    let camera = |frame: usize| -> DepthLayers {
+        depth_of_boxes([64, 64], &[bar(0.05, shift(frame)), bar(0.1 + shift(frame), 0.0)])
+    };
+    let shapes = [
+        Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) },
+        Shape::Cylinder { radius: 0.02, length: 0.05 },
+        Shape::Sphere { radius: 0.03 },
+    ];
+    let mut solids = Solids::new(&shapes).unwrap();
+    let mut of_solids = |frame: usize| {
+        let at = |x: f64, z: f64| DVec3::new(x, shift(frame), z);
+        let turned =
+            Pose { rotation: DQuat::from_rotation_x(10.0 * shift(frame)), ..Pose::at(at(0.15, 0.1)) };
+        solids.place(&[Pose::at(at(0.0, 0.05)), turned, Pose::at(at(0.0, 0.2 + shift(frame)))]).unwrap();
+        solids.clone()
+    };
+    let by_camera = allocations(&[grounded, dielectric(4.0)], camera);
+    let by_solids =
+        allocations(&[grounded, dielectric(4.0), conductor(Connection::Floating)], &mut of_solids);
+    eprintln!("updates and solves in {FRAMES} frames: {by_camera:?} by camera, {by_solids:?} by solids");
+    assert_eq!([by_camera[0], by_solids[0]], [0, 0], "updates");
+}
