@@ -134,7 +134,9 @@ impl Band {
     fn resize(&mut self, columns: usize) {
         if self.bits.len() != columns {
             let Self { bits, low, high } = self;
-            (bits.clear(), low.clear(), high.clear());
+            bits.clear();
+            low.clear();
+            high.clear();
             bits.resize(columns, 0);
             low.resize(columns, NOWHERE[0]);
             high.resize(columns, NOWHERE[1]);
