@@ -14,7 +14,7 @@ use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::{Preconditioner, SolveError, SolverOptions};
 use common::{
     bar, both, conductor, depth_of_boxes, dielectric, oracle, relative_error, stripes_sensor, three_stripes,
-    to, with_slivers,
+    to,
 };
 
 fn seen(boxes: &[Aabb]) -> DepthLayers {
