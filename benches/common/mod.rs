@@ -8,7 +8,7 @@ use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec2, DVec3};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::solver::SolverOptions;
 use capsense_render::{Backend, DepthRenderer};
 
