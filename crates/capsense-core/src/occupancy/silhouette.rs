@@ -192,17 +192,28 @@ impl Scene<'_> {
     }
 
     fn beside_towards(&self, tube: &Tube, object: usize, side: DVec3, width: f64) -> Beside {
-        let Some(span) = self.surfaces.span(object, tube.from + side, tube.to + side) else {
-            return Beside::default();
-        };
-        let middle = tube.middle_of(span);
-        let covered = self.surfaces.span(object, middle + side, middle).map_or(0.0, |span| span.exit);
-        let distance = (1.0 - covered) * width;
+        let Some((span, across)) = self.probe(tube, object, side) else { return Beside::default() };
+        let distance = across.enter * width;
+        let covered = across.exit - across.enter;
         let part = covered * cosine_squared((span.exit - span.enter) * tube.length, distance);
         let parts = [span.enter, 1.0 - span.exit];
         let taken = parts.map(|gap| part * cosine_squared(gap * tube.length, distance));
         let links = [0, 1].map(|end| taken[end] / parts[end].max(SMALLEST_PART));
         Beside { taken: taken[0].max(taken[1]), links }
+    }
+
+    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it. One
+    /// that is too thin to reach the side is found where it passes an end of the edge.
+    fn probe(&self, tube: &Tube, object: usize, side: DVec3) -> Option<(Span, Span)> {
+        if let Some(along) = self.surfaces.span(object, tube.from + side, tube.to + side) {
+            let middle = tube.middle_of(along);
+            return Some((along, self.surfaces.span(object, middle, middle + side)?));
+        }
+        [tube.from, tube.to].into_iter().find_map(|end| {
+            let across = self.surfaces.span(object, end, end + side)?;
+            let offset = 0.5 * (across.enter + across.exit) * side;
+            Some((self.surfaces.span(object, tube.from + offset, tube.to + offset)?, across))
+        })
     }
 }
 
