@@ -4,7 +4,7 @@ use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
 use crate::mesh::{InvalidAxis, Lattice, MeshError, TetMesh, graded_axis};
-use crate::rim::{Rim, RimLink, rims_of_sheets, rim_on_lattice};
+use crate::rim::{Rim, RimLink, rim_on_lattice, rims_of_sheets};
 use glam::{DVec2, DVec3};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.

@@ -123,12 +123,8 @@ impl Scene<'_> {
                 others.clear();
                 others.extend(on_edge.iter().filter(|(object, _)| !self.is_conductor(usize::from(*object))));
                 let background = self.mesh.permittivity.at(edge);
-                let rule = EdgeRule {
-                    owners: [NO_OBJECT; 2],
-                    spans: others,
-                    materials: self.materials,
-                    background,
-                };
+                let rule =
+                    EdgeRule { owners: [NO_OBJECT; 2], spans: others, materials: self.materials, background };
                 blend(cut, part, rule.coupling(breaks).through)
             }
             (None, _) if on_edge.is_empty() && owners == [NO_OBJECT; 2] => self.beside(&tube, cut),

@@ -34,7 +34,8 @@ pub(crate) fn rim_on_lattice(
         for j in inner(ys) {
             for i in inner(xs) {
                 // One cell beyond the outline.
-                let near = xs[i + 1] >= low.x && xs[i - 1] <= high.x && ys[j + 1] >= low.y && ys[j - 1] <= high.y;
+                let near =
+                    xs[i + 1] >= low.x && xs[i - 1] <= high.x && ys[j + 1] >= low.y && ys[j - 1] <= high.y;
                 if !near {
                     continue;
                 }
@@ -81,11 +82,7 @@ impl Cell {
             });
             of_cells.iter().sum::<f64>() / (4.0 * size.x * size.y)
         };
-        Self {
-            size,
-            heights: [zs[k + 1] - zs[k], zs[k] - zs[k - 1]],
-            permittivity: [mean(k), mean(k - 1)],
-        }
+        Self { size, heights: [zs[k + 1] - zs[k], zs[k] - zs[k - 1]], permittivity: [mean(k), mean(k - 1)] }
     }
 
     fn link(&self, place: &Place) -> Link {

@@ -12,7 +12,6 @@ mod place;
 mod sheet;
 mod side;
 
-
 pub(crate) use lattice::rim_on_lattice;
 pub(crate) use sheet::rims_of_sheets;
 

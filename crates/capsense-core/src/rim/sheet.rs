@@ -83,8 +83,7 @@ fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
         }
     }
     let rim = counts.into_iter().filter(|(_, (count, _))| *count == 1);
-    let sides: Vec<Side> =
-        rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect();
+    let sides: Vec<Side> = rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect();
     let at_surface = at_surface(mesh, &sides);
     sides.into_iter().filter(|side| !at_surface.contains(&side.ends)).collect()
 }
@@ -133,7 +132,8 @@ fn balances(mesh: &TetMesh, owners: &[Terminal], sides: &[Side]) -> BTreeMap<u32
         });
         let Some(side) = nearest.map(|side| &sides[side as usize]) else { continue };
         let Some(frame) = Frame::of(mesh, side) else { continue };
-        let all_near = places.iter().all(Option::is_some) && places.iter().flatten().any(|(ring, _)| *ring < RINGS);
+        let all_near =
+            places.iter().all(Option::is_some) && places.iter().flatten().any(|(ring, _)| *ring < RINGS);
         if !all_near || side.ends.iter().any(|node| corners.contains(node)) {
             continue;
         }

@@ -97,7 +97,8 @@ pub(super) fn nearest_sides(mesh: &TetMesh, sides: &[Side], rings: u8) -> Vec<Op
     }
     for ring in 1..=rings {
         for tet in mesh.tets() {
-            let before = tet.map(|node| near[node as usize].filter(|(at, _)| *at < ring).map(|(_, side)| side));
+            let before =
+                tet.map(|node| near[node as usize].filter(|(at, _)| *at < ring).map(|(_, side)| side));
             for &node in tet {
                 let point = mesh.nodes()[node as usize];
                 for side in before.into_iter().flatten() {

@@ -146,8 +146,7 @@ pub fn with_slivers(sensor: &Sensor) -> Sensor {
         let [node, face @ ..] = *tet;
         let node = node as usize;
         let around: Vec<_> = tets.iter().filter(|tet| tet.contains(&(node as u32))).collect();
-        if sensor.owners()[node] != FREE
-            || around.iter().any(|tet| tet.iter().any(|&n| touched[n as usize]))
+        if sensor.owners()[node] != FREE || around.iter().any(|tet| tet.iter().any(|&n| touched[n as usize]))
         {
             continue;
         }
