@@ -14,6 +14,7 @@ mod fraction;
 mod interface;
 mod negative;
 mod parallel;
+mod silhouette;
 mod sorted;
 
 pub use changes::{Earlier, Regions};
@@ -60,6 +61,11 @@ pub trait Surfaces {
 
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
+
+    /// Whether spans tell where surfaces are exactly enough to measure how far they reach across an edge.
+    fn are_exact(&self) -> bool {
+        false
+    }
 
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
     /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
@@ -154,6 +160,8 @@ struct Scene<'a> {
     bounds: &'a [Aabb],
     /// Whether there are weak dielectrics on a lattice.
     has_weak: bool,
+    /// Whether there are conductors with exact surfaces on a lattice.
+    has_silhouettes: bool,
 }
 
 impl Scene<'_> {
@@ -270,7 +278,10 @@ impl Occupancy {
         self.changes.find(&mesh, materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
         let has_weak = parallel::is_of_use(mesh.edges, materials);
-        let scene = Scene { mesh, materials, surfaces, bounds: changes.bounds(), has_weak };
+        let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
+        let bounds = changes.bounds();
+        let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes };
+        let looks_beside = has_weak || has_silhouettes;
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
@@ -282,7 +293,7 @@ impl Occupancy {
                 });
             }
             for region in changes.regions() {
-                let region = if has_weak { parallel::up_to_planes(mesh.edges, region) } else { *region };
+                let region = if looks_beside { parallel::up_to_planes(mesh.edges, region) } else { *region };
                 mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
                     links_lost |= self.update_edge(&scene, edge, ends);
                 });
@@ -345,7 +356,13 @@ impl Occupancy {
             Some(through) => Coupling::only_through(through),
             None => {
                 let background = scene.mesh.permittivity.at(edge);
-                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
+                let rule = EdgeRule { owners, spans, materials: scene.materials, background };
+                let cut = rule.coupling(breaks);
+                if scene.has_silhouettes {
+                    scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
+                } else {
+                    cut
+                }
             }
         };
         if let Some(negative) = self.negative.as_mut().filter(|negative| negative.concern(edge)) {

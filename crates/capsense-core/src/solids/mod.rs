@@ -233,6 +233,10 @@ impl Surfaces for Solids {
         }
     }
 
+    fn are_exact(&self) -> bool {
+        true
+    }
+
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
         let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
         let Some(earlier) = before.poses_of(&self.identity) else {

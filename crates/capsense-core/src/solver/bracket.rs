@@ -146,6 +146,11 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
         weight if weight > 0.0 => Some(current * current / weight),
         _ => None,
     };
+    if is_mixed(after) && free == [true; 2] {
+        let [[a, b], [l, m]] = [excess, after.links];
+        let resisted = after.through * (a + b).powi(2) + m * a * a + l * b * b;
+        return Some(resisted / (l * m + after.through * (l + m)));
+    }
     if after.links != [0.0; 2] || after.through == 0.0 {
         return Some(over(excess[0], after.links[0])? + over(excess[1], after.links[1])?);
     }
@@ -157,8 +162,37 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
     }
 }
 
+/// Whether a conductor takes but a part of an edge.
+fn is_mixed(edge: &EdgeFields) -> bool {
+    edge.through > 0.0 && edge.links != [0.0; 2]
+}
+
+/// The factor where currents can go both ways: at most the trace of A_before A_after⁻¹, with the weights between free
+/// ends and from these to all else as matrices A.
+fn weakening_of_mixed(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> f64 {
+    let (old, new) = (before.links, after.links);
+    let (sum, of_sum) = match free {
+        [false, false] => return 1.0,
+        [true, true] => (
+            after.through * (old[0] + old[1])
+                + before.through * (new[0] + new[1])
+                + new[1] * old[0]
+                + new[0] * old[1],
+            new[0] * new[1] + after.through * (new[0] + new[1]),
+        ),
+        [first, _] => {
+            let end = usize::from(!first);
+            (before.through + old[end], after.through + new[end])
+        }
+    };
+    if of_sum > 0.0 { (sum / of_sum).max(1.0) } else { f64::MAX }
+}
+
 /// By what factor errors of the old currents weigh more now: each weight against those that carry its current now.
 fn weakening(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> f64 {
+    if is_mixed(before) || is_mixed(after) {
+        return weakening_of_mixed(before, after, free);
+    }
     let over = |old: f64, new: f64| if old > 0.0 && new > 0.0 { old / new } else { 0.0 };
     let link = |end: usize| if free[end] { after.links[end] } else { 0.0 };
     let through = match after.links {

@@ -1,0 +1,44 @@
+//! Capacitances follow a conducting bar without steps against its way, wherever its faces pass planes of nodes.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::{Pose, Shape};
+use capsense_core::glam::DVec3;
+use capsense_core::material::Connection;
+use capsense_core::simulator::Simulator;
+use capsense_core::solids::Solids;
+use common::{conductor, stripes_sensor, to};
+
+/// C11 and C22 for a bar with its lower face at these heights and shifted along y, in millimetres.
+fn sweep(places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
+    let grounded = vec![conductor(Connection::Grounded)];
+    let mut simulator = Simulator::new(stripes_sensor(30_000), grounded, to(1e-9)).unwrap();
+    let mut solids = Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) }]).unwrap();
+    let step = |(height, shift)| {
+        solids.place(&[Pose::at(1e-3 * DVec3::new(0.0, shift, height + 10.0))]).unwrap();
+        let _ = simulator.step(&solids).unwrap();
+        [0, 1].map(|electrode| simulator.capacitance().get(electrode, electrode))
+    };
+    places.map(step).collect()
+}
+
+fn assert_falls(capacitances: &[[f64; 2]], electrode: usize) {
+    for (k, pair) in capacitances.windows(2).enumerate() {
+        let [before, after] = [0, 1].map(|i| pair[i][electrode]);
+        assert!(after < before, "electrode {electrode}, step {k}: {before} {after}");
+    }
+}
+
+#[test]
+fn every_step_upwards_is_felt() {
+    let found = sweep((0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)));
+    (0..2).for_each(|electrode| assert_falls(&found, electrode));
+}
+
+#[test]
+fn every_step_sidewards_is_felt() {
+    let found = sweep((0..=180).map(|k| (50.0, 10.0 + 0.5 * f64::from(k))));
+    (0..2).for_each(|electrode| assert_falls(&found, electrode));
+}
