@@ -50,6 +50,8 @@ pub(super) fn mesh(arguments: &MeshArguments) -> anyhow::Result<()> {
 
 fn gmsh_text(sensor: &Sensor) -> anyhow::Result<String> {
     let mesh = sensor.mesh();
+    // A file knows of no links: electrodes are what lies within their outlines.
+    let sensor = sensor.clone().with_rims_held();
     let faces_of = |wanted: Terminal| {
         let terminals = sensor.terminals().iter().zip(0u32..);
         let nodes: Vec<u32> =

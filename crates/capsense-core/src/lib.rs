@@ -16,7 +16,6 @@ pub mod geometry;
 pub mod material;
 pub mod mesh;
 pub mod occupancy;
-mod rim;
 pub mod sensor;
 pub mod simulator;
 pub mod solids;

@@ -1,11 +1,15 @@
 //! The sensor at rest: a mesh, and which of its nodes are held at the potential of ground or of an electrode.
 
+mod rim;
+
+pub use rim::RimLink;
+
 use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
 use crate::mesh::{InvalidAxis, Lattice, MeshError, TetMesh, graded_axis};
-use crate::rim::{Ground, Linked, Rim, RimLink, rim_on_lattice, rims_of_sheets};
 use glam::{DVec2, DVec3};
+use rim::{Ground, Linked, Rim, rim_on_lattice, rims_of_sheets};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
 pub type Terminal = u16;
@@ -381,9 +385,11 @@ impl Sensor {
     /// link.
     fn claim_with_rim(&mut self, index: usize, name: &str, rim: &Rim) -> Result<(), SensorError> {
         let terminal = index as Terminal + 1;
-        if rim.held.is_empty() && !rim.linked.is_empty() {
-            // Smaller than a cell: links alone carry its charge.
-        } else {
+        // Within a narrow outline all nodes may be at the rim.
+        if rim.held.is_empty() && !rim.linked.iter().any(|linked| linked.inside) {
+            return Err(SensorError::OwnsNoNode(name.to_owned()));
+        }
+        if !rim.held.is_empty() {
             self.claim(terminal, name, &rim.held)?;
         }
         for &Linked { node, weight, inside } in &rim.linked {

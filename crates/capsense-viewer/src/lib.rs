@@ -62,7 +62,7 @@ fn mesh_of_run(folder: &Path, curves: &Curves) -> Result<MeshView, String> {
         let message = "has other electrodes than the curves: it has changed since the run";
         return Err(format!("the scene {} {message}", origin.scene));
     }
-    let terminals = sensor.terminals().iter();
+    let terminals = sensor.owners().iter();
     let terminals = terminals.map(|&terminal| (terminal != FREE).then_some(usize::from(terminal))).collect();
     let view = MeshView::from_mesh(sensor.mesh(), terminals).map_err(|error| error.to_string())?;
     let names: Vec<&str> =

@@ -6,8 +6,7 @@
 
 use crate::mesh::{Background, CANCELLED, EdgeList, EdgeShare, Edges, Lattice, TetMesh};
 use crate::occupancy::SMALLEST_PART;
-use crate::rim::RimLink;
-use crate::sensor::Sensor;
+use crate::sensor::{RimLink, Sensor};
 
 pub use crate::mesh::barycentric_gradients;
 

@@ -2,7 +2,7 @@
 
 use super::EdgeNetwork;
 use crate::occupancy::{NO_OBJECT, Occupancy};
-use crate::rim::RimLink;
+use crate::sensor::RimLink;
 
 /// Links in the order of their nodes.
 #[derive(Clone, Debug)]

@@ -22,8 +22,8 @@ const USUAL: f64 = 0.5;
 /// Elements with a node fewer edges than this from the rim count as near it.
 const RINGS: u8 = 3;
 
-/// κ is looked for between these.
-const PLAUSIBLE: [f64; 2] = [0.01, 10.0];
+/// κ is looked for between these. Sheets of which the elements say otherwise are hardly wider than an element.
+const PLAUSIBLE: [f64; 2] = [0.05, 0.7];
 
 /// How often elements near the rim are divided to integrate 1/r.
 const DIVISIONS: usize = 6;

@@ -12,8 +12,8 @@ mod place;
 mod sheet;
 mod side;
 
-pub(crate) use lattice::{Ground, rim_on_lattice};
-pub(crate) use sheet::rims_of_sheets;
+pub(super) use lattice::{Ground, rim_on_lattice};
+pub(super) use sheet::rims_of_sheets;
 
 /// A weight between a free node at the rim of an electrode and the electrode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,18 +30,18 @@ pub struct RimLink {
 
 /// What an electrode makes of the nodes at its rim.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Rim {
+pub(super) struct Rim {
     /// Nodes that are at the potential of the electrode.
-    pub(crate) held: Vec<u32>,
+    pub(super) held: Vec<u32>,
     /// Nodes that are linked to it.
-    pub(crate) linked: Vec<Linked>,
+    pub(super) linked: Vec<Linked>,
 }
 
 /// A node at a rim.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Linked {
-    pub(crate) node: u32,
-    pub(crate) weight: f64,
+pub(super) struct Linked {
+    pub(super) node: u32,
+    pub(super) weight: f64,
     /// Whether it lies within the outline or on it.
-    pub(crate) inside: bool,
+    pub(super) inside: bool,
 }
