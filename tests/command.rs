@@ -358,11 +358,12 @@ fn a_written_mesh_gives_the_same_capacitances_as_the_scene_it_came_from() {
         "disk = { center = [0.05, 0.0], radius = 0.03 }",
         "rectangle = { center = [0.05, 0.0], size = [0.06, 0.06] }",
     );
+    let scene = scene.replace("elements = 8000", "elements = 60000");
     std::fs::write(folder.path().join("scene.toml"), &scene).unwrap();
     let outcome = capsense(folder.path(), &["mesh", "scene.toml", "--out", "sensor.msh"]);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     let from_file = "file = \"sensor.msh\"\ngroups = { substrate = \"substrate\" }";
-    let copy = scene.replace("generate = { elements = 8000 }", from_file);
+    let copy = scene.replace("generate = { elements = 60000 }", from_file);
     std::fs::write(folder.path().join("copy.toml"), copy).unwrap();
     let of_scene = |name: &str| {
         let outcome = capsense(folder.path(), &["solve", name, "--json"]);
