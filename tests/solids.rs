@@ -51,7 +51,7 @@ fn a_fine_camera_sees_what_solids_are() {
         let largest = solids.iter().fold(0.0, |largest, change| change.abs().max(largest));
         for (solid, seen) in solids.iter().zip(&seen) {
             // Cells are coarse, and with solids alone walls cover parts of edges.
-            assert!((solid - seen).abs() < 0.04 * largest, "{object}: {solid:e} {seen:e}");
+            assert!((solid - seen).abs() < 0.12 * largest, "{object}: {solid:e} {seen:e}");
         }
     }
 }
