@@ -1,0 +1,174 @@
+//! What a sensor is meant to be, before it has a mesh: its electrodes, the board below them, and the lattices that suit
+//! them.
+
+use super::{FREE, IN_PLANE, SensorError};
+use crate::electrode::Electrode;
+use crate::geometry::Aabb;
+use crate::material::RelativePermittivity;
+use crate::mesh::{InvalidAxis, Lattice, graded_axis};
+use glam::{DVec2, DVec3};
+
+/// Growth of the lattice spacing per cell away from electrodes.
+const LATTICE_GROWTH: f64 = 1.3;
+
+/// Bisections of the lattice spacing: to 1e-6 of it. The count jumps there, and closer to the jump rounding would give
+/// mirrored intervals different numbers of cells.
+const SPACING_STEPS: usize = 24;
+
+/// The board below the electrodes: its top is the plane z = 0, its centre the sensor's axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Substrate {
+    /// Thickness in metres.
+    pub thickness: f64,
+    /// Relative permittivity of the board.
+    pub relative_permittivity: RelativePermittivity,
+    /// Extent along x and y in metres.
+    pub size: DVec2,
+    /// Whether its far side is a grounded shield plane.
+    pub grounded_back: bool,
+}
+
+impl Substrate {
+    /// The space the board takes.
+    pub fn bounds(&self) -> Aabb {
+        let half = 0.5 * self.size;
+        Aabb { min: (-half).extend(-self.thickness), max: half.extend(0.0) }
+    }
+
+    /// Whether a point lies on the far side, give or take `slack` metres.
+    pub fn is_on_back(&self, point: DVec3, slack: f64) -> bool {
+        (point.z + self.thickness).abs() <= slack
+            && (point.truncate().abs() - 0.5 * self.size).max_element() <= slack
+    }
+}
+
+/// What a sensor is meant to be, before it has a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorDesign {
+    /// The simulated space; its outer wall is grounded.
+    pub domain: Aabb,
+    /// Electrodes in the order of the capacitance matrix.
+    pub electrodes: Vec<Electrode>,
+    /// The board below them.
+    pub substrate: Option<Substrate>,
+}
+
+impl SensorDesign {
+    /// Checks what can be checked without a mesh.
+    ///
+    /// # Errors
+    /// For an empty domain, no electrodes, names that repeat, unusable outlines, electrodes that touch the wall or
+    /// lie outside, and a board that does not fit.
+    pub fn validate(&self) -> Result<(), SensorError> {
+        let Aabb { min, max } = self.domain;
+        if !(min.is_finite() && max.is_finite() && min.cmplt(max).all()) {
+            return Err(SensorError::Domain);
+        }
+        check_names(self.electrodes.iter().map(|electrode| electrode.name.as_str()))?;
+        for electrode in &self.electrodes {
+            self.check_place(electrode)?;
+        }
+        if let Some(board) = &self.substrate {
+            let bounds = board.bounds();
+            if !(board.thickness > 0.0 && board.size.min_element() > 0.0 && bounds.min.is_finite()) {
+                return Err(SensorError::Substrate("must have a positive thickness and size"));
+            }
+            if !(self.domain.contains(bounds.min) && self.domain.contains(bounds.max)) {
+                return Err(SensorError::Substrate("reaches out of the domain"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_place(&self, electrode: &Electrode) -> Result<(), SensorError> {
+        let name = || electrode.name.clone();
+        if let Some(defect) = electrode.outline.defect() {
+            return Err(SensorError::Outline { name: name(), defect });
+        }
+        if !electrode.z.is_finite() {
+            return Err(SensorError::Outline { name: name(), defect: "is not finite" });
+        }
+        let [low, high] = electrode.outline.bounds().map(|corner| corner.extend(electrode.z));
+        if !(self.domain.contains(low) && self.domain.contains(high)) {
+            return Err(SensorError::OutsideDomain(name()));
+        }
+        let slack = IN_PLANE * self.domain.size().max_element();
+        if (low - self.domain.min).min_element() <= slack || (self.domain.max - high).min_element() <= slack {
+            return Err(SensorError::TouchesWall(name()));
+        }
+        Ok(())
+    }
+
+    /// The finest graded lattice of at most so many tetrahedra: electrode edges, electrode planes and the board lie
+    /// in lattice planes, spacing is smallest there and grows away from them.
+    ///
+    /// # Errors
+    /// When the design is invalid or even the coarsest lattice has more tetrahedra.
+    pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
+        self.validate()?;
+        let extent = self.domain.size().max_element();
+        let build = |finest: f64| self.lattice_of_spacing(finest);
+        let coarsest = build(extent)?;
+        if coarsest.tet_count() > max_tets {
+            return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
+        }
+        // The count falls with the spacing (but for rounding): bisect on the logarithm of the spacing.
+        let (mut fits, mut exceeds, mut best) = (extent, 1e-5 * extent, coarsest);
+        for _ in 0..SPACING_STEPS {
+            let middle = (fits * exceeds).sqrt();
+            let lattice = build(middle)?;
+            if lattice.tet_count() <= max_tets {
+                fits = middle;
+                if lattice.tet_count() > best.tet_count() {
+                    best = lattice;
+                }
+            } else {
+                exceeds = middle;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The graded lattice whose spacing at the electrodes is `finest` metres.
+    ///
+    /// # Errors
+    /// When the coordinates are no lattice, as for a spacing that is not positive.
+    pub fn lattice_of_spacing(&self, finest: f64) -> Result<Lattice, SensorError> {
+        if finest.is_nan() || finest <= 0.0 {
+            return Err(InvalidAxis { axis: 0 }.into());
+        }
+        let board = self.substrate.map(|board| board.bounds());
+        let mut axes = [const { Vec::new() }; 3];
+        for (axis, coordinates) in axes.iter_mut().enumerate() {
+            let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
+            let mut fine = Vec::new();
+            for electrode in &self.electrodes {
+                if axis == 2 {
+                    planes.push(electrode.z);
+                } else {
+                    planes.extend(electrode.outline.axis_planes(axis));
+                    fine.extend(electrode.outline.fine_intervals(axis));
+                }
+            }
+            let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
+            *coordinates = graded_axis(low, high, &planes, &fine, finest, LATTICE_GROWTH);
+        }
+        Ok(Lattice::new(axes)?)
+    }
+}
+
+/// Names must be there, be few enough to be numbered, and differ.
+pub(super) fn check_names<'a>(names: impl Iterator<Item = &'a str>) -> Result<(), SensorError> {
+    let mut sorted: Vec<&str> = names.collect();
+    sorted.sort_unstable();
+    if sorted.is_empty() {
+        return Err(SensorError::NoElectrodes);
+    }
+    if sorted.len() > usize::from(FREE) / 2 {
+        return Err(SensorError::TooManyElectrodes(sorted.len()));
+    }
+    match sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => Err(SensorError::DuplicateName(pair[0].to_owned())),
+        None => Ok(()),
+    }
+}
