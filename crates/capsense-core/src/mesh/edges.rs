@@ -79,9 +79,8 @@ impl Edges {
         match self {
             Self::Lattice(lattice) => {
                 let (node, axis) = (edge / 3, edge % 3);
-                let [nx, ny, nz] = lattice.node_counts();
-                let place = [node % nx, node / nx % ny, node / (nx * ny)][axis];
-                (place + 1 < [nx, ny, nz][axis]).then(|| self.ends_of_existing(edge))
+                let place = lattice.node_place(node)[axis];
+                (place + 1 < lattice.node_counts()[axis]).then(|| self.ends_of_existing(edge))
             }
             Self::List(list) => Some(list.ends[edge]),
         }

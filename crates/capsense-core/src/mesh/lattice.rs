@@ -74,6 +74,22 @@ impl Lattice {
         (k * ny + j) * nx + i
     }
 
+    /// The indices of the three planes that a node lies in, from its index.
+    pub fn node_place(&self, node: usize) -> [usize; 3] {
+        place_of_index(node, self.node_counts())
+    }
+
+    /// Index of the cell behind a node in all three directions; x runs fastest. Its six tetrahedra stand together.
+    pub(crate) fn cell_index(&self, [i, j, k]: [usize; 3]) -> usize {
+        let [nx, ny, _] = self.node_counts();
+        (k * (ny - 1) + j) * (nx - 1) + i
+    }
+
+    /// The node that a cell lies behind in all three directions, from the cell's index.
+    pub(crate) fn cell_place(&self, cell: usize) -> [usize; 3] {
+        place_of_index(cell, self.node_counts().map(|count| count - 1))
+    }
+
     /// The lattice as tetrahedra.
     ///
     /// # Errors
@@ -111,6 +127,11 @@ impl Lattice {
         }
         tet
     }
+}
+
+/// Where a thing is among so many along each axis that are numbered with x running fastest.
+fn place_of_index(index: usize, [nx, ny, _]: [usize; 3]) -> [usize; 3] {
+    [index % nx, index / nx % ny, index / (nx * ny)]
 }
 
 const KUHN_PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]];

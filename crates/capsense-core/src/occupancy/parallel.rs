@@ -79,8 +79,7 @@ impl Scene<'_> {
 /// lattice there are fewer than four.
 fn lines(lattice: &Lattice, edge: usize) -> impl Iterator<Item = ([DVec3; 2], f64)> {
     let (node, axis) = (edge / 3, edge % 3);
-    let [nx, ny, _] = lattice.node_counts();
-    let place = [node % nx, node / nx % ny, node / (nx * ny)];
+    let place = lattice.node_place(node);
     let planes = lattice.axes();
     let from = DVec3::from_array(std::array::from_fn(|axis| planes[axis][place[axis]]));
     let to = planes[axis].get(place[axis] + 1).map(|&end| {

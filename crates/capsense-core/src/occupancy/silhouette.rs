@@ -45,8 +45,7 @@ fn cosine_squared(along: f64, across: f64) -> f64 {
 impl Tube {
     fn of(lattice: &Lattice, edge: usize) -> Option<Self> {
         let (node, axis) = (edge / 3, edge % 3);
-        let [nx, ny, _] = lattice.node_counts();
-        let place = [node % nx, node / nx % ny, node / (nx * ny)];
+        let place = lattice.node_place(node);
         let planes = lattice.axes();
         let from = DVec3::from_array(std::array::from_fn(|axis| planes[axis][place[axis]]));
         let mut to = from;

@@ -6,7 +6,7 @@ use crate::mesh::Lattice;
 /// The weights to the next node along each axis.
 #[derive(Clone, Debug)]
 pub(super) struct LatticeValues {
-    counts: [usize; 3],
+    lattice: Lattice,
     /// Zero at the last node of a row. One more row and plane of zeros stand before the first node.
     weight: [Vec<f64>; 3],
 }
@@ -14,10 +14,9 @@ pub(super) struct LatticeValues {
 impl LatticeValues {
     /// Weights by edge number.
     pub(super) fn new(lattice: &Lattice, weights: &[f64]) -> Self {
-        let counts = lattice.node_counts();
-        let padding = counts[0] * counts[1];
-        let mut values =
-            Self { counts, weight: std::array::from_fn(|_| vec![0.0; padding + weights.len() / 3]) };
+        let padded = lattice.strides()[2] + weights.len() / 3;
+        let weight = std::array::from_fn(|_| vec![0.0; padded]);
+        let mut values = Self { lattice: lattice.clone(), weight };
         for (edge, &weight) in weights.iter().enumerate() {
             values.set_weight(edge, weight);
         }
@@ -25,11 +24,7 @@ impl LatticeValues {
     }
 
     fn padding(&self) -> usize {
-        self.counts[0] * self.counts[1]
-    }
-
-    fn strides(&self) -> [usize; 3] {
-        [1, self.counts[0], self.counts[0] * self.counts[1]]
+        self.lattice.strides()[2]
     }
 
     pub(super) fn set_weight(&mut self, edge: usize, weight: f64) {
@@ -43,9 +38,8 @@ impl LatticeValues {
 
     /// The neighbours of a node and the weights to them.
     pub(super) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
-        let (strides, [nx, ny, nz]) = (self.strides(), self.counts);
-        let place = [node % nx, node / nx % ny, node / (nx * ny)];
-        let last = [nx, ny, nz].map(|count| count - 1);
+        let (strides, place) = (self.lattice.strides(), self.lattice.node_place(node));
+        let last = self.lattice.node_counts().map(|count| count - 1);
         (0..3).flat_map(move |axis| {
             let before = (place[axis] > 0).then(|| node - strides[axis]);
             let after = (place[axis] < last[axis]).then(|| node + strides[axis]);
@@ -57,13 +51,13 @@ impl LatticeValues {
     /// Sum of the weights around a node.
     pub(super) fn diagonal(&self, node: usize) -> f64 {
         let at = self.padding() + node;
-        let strides = self.strides();
+        let strides = self.lattice.strides();
         (0..3).map(|axis| self.weight[axis][at] + self.weight[axis][at - strides[axis]]).sum()
     }
 
     /// y = K x, and the columns' xᵀy.
     pub(super) fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
-        let [nx, ny, nz] = self.counts;
+        let [nx, ny, nz] = self.lattice.node_counts();
         let (nodes, plane) = (nx * ny * nz, nx * ny);
         let mut products = [0.0; LANES];
         for row in (0..nodes).step_by(nx) {

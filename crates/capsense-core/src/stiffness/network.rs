@@ -88,13 +88,12 @@ impl EdgeNetwork {
     /// A cell of size a b c has the weight bc/a along x: a third of it on each of the two edges on which walks of two
     /// Kuhn tetrahedra start or end, a sixth on each of the other two.
     pub fn assemble_lattice(lattice: &Lattice, permittivity: &Background) -> Self {
-        let [nx, ny, _] = lattice.node_counts();
-        let strides = [1, nx, nx * ny];
+        let strides = lattice.strides();
         let edges = Edges::Lattice(lattice.clone());
         let mut vacuum = vec![0.0; edges.len()];
         let mut weights = vacuum.clone();
         for (cell, permittivity) in permittivity.iter().step_by(6).enumerate() {
-            let at = [cell % (nx - 1), cell / (nx - 1) % (ny - 1), cell / ((nx - 1) * (ny - 1))];
+            let at = lattice.cell_place(cell);
             let size: [f64; 3] = std::array::from_fn(|axis| {
                 lattice.axes()[axis][at[axis] + 1] - lattice.axes()[axis][at[axis]]
             });
