@@ -1,8 +1,7 @@
-//! Outlines of planar electrodes: what lies inside, where a line enters, and where the rim runs.
+//! Outlines of planar electrodes: what lies inside, where a line enters, and where the rim and its corners are.
 
 use super::polygon;
 use glam::DVec2;
-use std::f64::consts::{PI, TAU};
 
 /// The outline of a planar electrode, metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +33,20 @@ const ON_OUTLINE: f64 = 1e-9;
 /// A side that leaves an axis by less than this part of its length is parallel to it. Planes of one outline that are
 /// closer than this part of its size are one.
 const PARALLEL: f64 = 1e-6;
+
+/// Polygons that stand for curves turn by less than at corners: the cosine between their sides is below this.
+const SHARPEST_OF_CURVES: f64 = -0.5;
+
+/// The side of an outline that is nearest to a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearestSide {
+    /// From the point to the side, metres.
+    pub(crate) distance: f64,
+    /// Its point that is nearest.
+    pub(crate) foot: DVec2,
+    /// Its ends.
+    pub(crate) side: [DVec2; 2],
+}
 
 impl Outline {
     /// Smallest and largest x and y.
@@ -93,24 +106,27 @@ impl Outline {
     pub fn distance_to_rim(&self, point: DVec2) -> f64 {
         match self {
             Self::Disk { center, radius } => (point.distance(*center) - radius).abs(),
-            _ => self.sides().map(|side| polygon::distance(side, point)).fold(f64::INFINITY, f64::min),
+            _ => self.nearest_side(point).map_or(f64::INFINITY, |nearest| nearest.distance),
         }
     }
 
-    /// Length of the outline, holes included, metres.
-    pub fn perimeter(&self) -> f64 {
-        match self {
-            Self::Disk { radius, .. } => TAU * radius,
-            _ => self.sides().map(|[p, q]| p.distance(q)).sum(),
-        }
+    /// The straight side that is nearest to a point, the first of several; a disk has none.
+    pub(crate) fn nearest_side(&self, point: DVec2) -> Option<NearestSide> {
+        let seen = self.sides().map(|side| {
+            let foot = polygon::nearest(side, point);
+            NearestSide { distance: point.distance(foot), foot, side }
+        });
+        seen.min_by(|a, b| a.distance.total_cmp(&b.distance))
     }
 
-    /// Length of the outline inside a rectangle with sides parallel to x and y, metres. A side along an edge of the
-    /// rectangle counts half: the other half is the neighbouring rectangle's, so that tiles add up to the perimeter.
-    pub fn rim_length_within(&self, low: DVec2, high: DVec2) -> f64 {
+    /// The corners of which the electrode fills less than half, unless they are so blunt that they may stand for a curve.
+    pub(crate) fn convex_corners(&self) -> Vec<DVec2> {
         match self {
-            Self::Disk { center, radius } => arcs_within(*radius, low - *center, high - *center),
-            _ => self.sides().map(|side| polygon::length_within(side, low, high)).sum(),
+            Self::Rectangle { .. } => self.corners_of_bounds().to_vec(),
+            Self::Disk { .. } => Vec::new(),
+            Self::Polygon(_) | Self::Contours(_) => {
+                polygon::convex_corners(self.contours(), SHARPEST_OF_CURVES)
+            }
         }
     }
 
@@ -178,11 +194,15 @@ impl Outline {
         }
     }
 
+    fn corners_of_bounds(&self) -> [DVec2; 4] {
+        let [low, high] = self.bounds();
+        [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]
+    }
+
     /// Its straight sides; a disk has none.
     fn sides(&self) -> impl Iterator<Item = [DVec2; 2]> {
         let rectangle = matches!(self, Self::Rectangle { .. }).then(|| {
-            let [low, high] = self.bounds();
-            let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
+            let corners = self.corners_of_bounds();
             std::array::from_fn::<_, 4, _>(|k| [corners[k], corners[(k + 1) % 4]])
         });
         let of_contours = self.contours().iter().flat_map(|contour| polygon::sides(contour));
@@ -194,26 +214,4 @@ impl Outline {
 fn parallel_to(axis: usize, p: DVec2, q: DVec2) -> bool {
     let length = p.distance(q);
     length > 0.0 && (q[1 - axis] - p[1 - axis]).abs() <= PARALLEL * length
-}
-
-/// Length of those parts of a circle around the origin that lie in a rectangle.
-fn arcs_within(radius: f64, low: DVec2, high: DVec2) -> f64 {
-    // Between neighbouring angles at which the circle meets one of the four lines it is all in or all out.
-    let mut angles = [0.0; 10];
-    angles[9] = TAU;
-    for (side, wall) in [low, high].into_iter().enumerate() {
-        let [from_x, from_y] = [(wall.x / radius).acos(), (wall.y / radius).asin()];
-        for (k, angle) in [from_x, TAU - from_x, from_y.rem_euclid(TAU), PI - from_y].into_iter().enumerate()
-        {
-            // A line that misses the circle gives NaN; the angle stays 0.
-            angles[1 + 4 * side + k] = if angle.is_nan() { 0.0 } else { angle };
-        }
-    }
-    angles.sort_by(f64::total_cmp);
-    let inside = |pair: &&[f64]| {
-        let (y, x) = (0.5 * (pair[0] + pair[1])).sin_cos();
-        let middle = radius * DVec2::new(x, y);
-        middle.cmpge(low).all() && middle.cmple(high).all()
-    };
-    angles.windows(2).filter(inside).map(|pair| radius * (pair[1] - pair[0])).sum()
 }

@@ -1,4 +1,4 @@
-//! Closed contours of straight sides: even-odd membership, crossings, distances, clipping, and what is wrong with them.
+//! Closed contours of straight sides: even-odd membership, crossings, nearest points, corners, and what is wrong with them.
 
 use glam::DVec2;
 
@@ -30,30 +30,11 @@ pub(super) fn crossing(from: DVec2, step: DVec2, p: DVec2, side: DVec2) -> Optio
     ((0.0..=1.0).contains(&t) && (-1e-12..=1.0 + 1e-12).contains(&s)).then_some(t)
 }
 
-/// Distance from a point to a side.
-pub(super) fn distance([p, q]: [DVec2; 2], point: DVec2) -> f64 {
+/// The point of a side that is nearest to a point.
+pub(super) fn nearest([p, q]: [DVec2; 2], point: DVec2) -> DVec2 {
     let along = (point - p).dot(q - p) / (q - p).length_squared();
     // A side between two corners in one place has no direction.
-    let nearest = if along.is_finite() { p.lerp(q, along.clamp(0.0, 1.0)) } else { p };
-    point.distance(nearest)
-}
-
-/// Length of a side inside a rectangle (Liang and Barsky's clipping); half of it where the side lies along an edge.
-pub(super) fn length_within([p, q]: [DVec2; 2], low: DVec2, high: DVec2) -> f64 {
-    let (mut enter, mut leave, mut share) = (0.0_f64, 1.0_f64, 1.0);
-    for axis in 0..2 {
-        let step = q[axis] - p[axis];
-        if step != 0.0 {
-            let (a, b) = ((low[axis] - p[axis]) / step, (high[axis] - p[axis]) / step);
-            enter = enter.max(a.min(b));
-            leave = leave.min(a.max(b));
-        } else if p[axis] < low[axis] || p[axis] > high[axis] {
-            return 0.0;
-        } else if p[axis] == low[axis] || p[axis] == high[axis] {
-            share = 0.5;
-        }
-    }
-    share * (leave - enter).max(0.0) * p.distance(q)
+    if along.is_finite() { p.lerp(q, along.clamp(0.0, 1.0)) } else { p }
 }
 
 /// Area of a contour, positive when it runs counter-clockwise.
@@ -61,6 +42,24 @@ pub(super) fn signed_area(contour: &[DVec2]) -> f64 {
     // Relative to a corner, so that a contour far from the origin keeps its digits.
     let origin = contour.first().copied().unwrap_or_default();
     0.5 * sides(contour).map(|[p, q]| (p - origin).perp_dot(q - origin)).sum::<f64>()
+}
+
+/// The corners of which the contours surround less than half, where the cosine between the two sides is above a number.
+pub(super) fn convex_corners(contours: &[Vec<DVec2>], sharpest: f64) -> Vec<DVec2> {
+    let mut convex = Vec::new();
+    for (index, contour) in contours.iter().enumerate() {
+        let Some(&first) = contour.first() else { continue };
+        // Contours do not cross: one corner of a hole, or of an island in it, tells how many others surround it.
+        let others = contours.iter().enumerate().filter(|(other, _)| *other != index);
+        let around = others.filter(|(_, other)| surround(std::slice::from_ref(*other), first)).count();
+        let inward = if around.is_multiple_of(2) { signed_area(contour) } else { -signed_area(contour) };
+        let before = contour.iter().cycle().skip(contour.len() - 1);
+        convex.extend(before.zip(sides(contour)).filter_map(|(&before, [p, after])| {
+            let (a, b) = ((before - p).normalize_or_zero(), (after - p).normalize_or_zero());
+            (a.dot(b) > sharpest && b.perp_dot(a) * inward > 0.0).then_some(p)
+        }));
+    }
+    convex
 }
 
 /// Why some contours are no outline, if they are none.
@@ -110,4 +109,37 @@ fn sides_cross(contours: &[Vec<DVec2>]) -> bool {
             !neighbours(a, b) && crossing(p, q - p, r, s - r).is_some()
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn points<const N: usize>(corners: [[f64; 2]; N]) -> Vec<DVec2> {
+        corners.map(DVec2::from).to_vec()
+    }
+
+    /// An L with a hole in which an island lies, a triangle, and an octagon that may stand for a disk.
+    #[test]
+    fn convex_corners_are_those_of_what_is_filled() {
+        let ell = points([[0.0, 0.0], [9.0, 0.0], [9.0, 4.0], [4.0, 4.0], [4.0, 9.0], [0.0, 9.0]]);
+        let hole = points([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0]]);
+        let island = points([[1.5, 1.5], [2.5, 1.5], [2.0, 2.5]]);
+        let octagon = (0..8).map(|k| DVec2::X * 20.0 + DVec2::from_angle(0.3 + f64::from(k) * 0.25 * PI));
+        let mut contours = vec![ell.clone(), hole, island.clone(), octagon.collect()];
+        let mut expected = ell;
+        expected.remove(3);
+        expected.extend(island);
+        let sorted = |mut corners: Vec<DVec2>| {
+            corners.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+            corners
+        };
+        let expected = sorted(expected);
+        for turned in 0..16 {
+            assert_eq!(sorted(convex_corners(&contours, -0.5)), expected, "{turned}");
+            contours.rotate_left(1);
+            contours[turned % 3].reverse();
+        }
+    }
 }

@@ -315,7 +315,7 @@ fn straighten(contour: &mut Vec<DVec2>, slack: f64) {
     let mut kept: Vec<DVec2> = Vec::with_capacity(contour.len());
     for (k, &corner) in contour.iter().enumerate() {
         let next = contour[(k + 1) % contour.len()];
-        if kept.last().is_none_or(|&last| polygon::distance([last, next], corner) > slack) {
+        if kept.last().is_none_or(|&last| polygon::nearest([last, next], corner).distance(corner) > slack) {
             kept.push(corner);
         }
     }

@@ -6,16 +6,18 @@
 //! where a = h_u/h, h_d/h. The method of Wiener and Hopf factorises K with
 //! log K(k) = c_0 + 2 Σ c_n cos nk and gives the field that has no charge from row m on and no potential before it: far
 //! away it is proportional to √(n - x), x = m - 3/4 + b, b = -Σ n c_n. So a half-plane of which row m-1 is the last one
-//! held looks as if it ended at x. The combination (1-γ) φ^(m) + γ φ^(m+1) ends at x + γ, and its charge and potential in
+//! held looks as if it ended at x. Since Σ n cos nk = -1/(4 sin² k/2) in the sense of distributions and log K(0) = 0,
+//! b = 1/(8π) ∫ log K(k) / sin² k/2 dk over a period. It grows with either aspect a, and with both the same it is
+//! (√(1 + a²) - 1)/4. The combination (1-γ) φ^(m) + γ φ^(m+1) ends at x + γ, and its charge and potential in
 //! row m are in the ratio 2 ((ε_u + ε_d)/2) e^{c_0} γ/(1-γ): the weight of a link that puts the rim where it is.
 //!
 //! On cubes with the rim in row 0 the weight is 3 + √2 for each unit of length.
 
 use std::f64::consts::PI;
 
-/// Sampling points of the integrals over a period. The integrand is periodic and analytic, so they converge
-/// exponentially up to cells some twenty times as high as wide.
-const SAMPLES: usize = 256;
+/// Points of the midpoint rule for the integrals, over half a period; the integrands are even. They are also periodic and
+/// analytic, so it converges exponentially up to cells some twenty times as high as wide.
+const SAMPLES: usize = 128;
 
 /// A rim along rows of a lattice.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,23 +32,24 @@ impl HalfPlane {
     /// For the heights of the cells above and below in distances of rows, and the relative permittivities there.
     pub(super) fn new(aspect: [f64; 2], permittivity: [f64; 2]) -> Self {
         let sum = permittivity[0] + permittivity[1];
-        let log_kernel = |k: f64| {
-            let sine = (0.5 * k).sin();
-            let side = |side: usize| permittivity[side] * (1.0 + (aspect[side] * sine).powi(2)).sqrt();
-            ((side(0) + side(1)) / sum).ln()
-        };
-        // The kernel is even: c_n = (1/N) Σ_j log K(k_j) cos(n k_j).
-        let samples: Vec<f64> =
-            (0..SAMPLES).map(|j| log_kernel(2.0 * PI * j as f64 / SAMPLES as f64)).collect();
-        let coefficient = |n: usize| {
-            let terms = samples.iter().enumerate().map(|(j, log)| {
-                // The product is reduced before it is large.
-                log * (2.0 * PI * ((n * j) % SAMPLES) as f64 / SAMPLES as f64).cos()
-            });
-            terms.sum::<f64>() / SAMPLES as f64
-        };
-        let reach = -(1..SAMPLES / 2).map(|n| n as f64 * coefficient(n)).sum::<f64>();
-        Self { weight: sum * coefficient(0).exp(), reach }
+        let (mut mean, mut reach) = (0.0, 0.0);
+        for j in 0..SAMPLES {
+            let square_of_sine = (PI * (j as f64 + 0.5) / (2 * SAMPLES) as f64).sin().powi(2);
+            let side = |side: usize| {
+                permittivity[side] * (1.0 + aspect[side] * aspect[side] * square_of_sine).sqrt()
+            };
+            let log_kernel = ((side(0) + side(1)) / sum).ln();
+            mean += log_kernel / SAMPLES as f64;
+            reach += log_kernel / square_of_sine / (4 * SAMPLES) as f64;
+        }
+        Self { weight: sum * mean.exp(), reach }
+    }
+
+    /// How deep inside of the rim, in metres, every row has at least some share, whatever the permittivities and the
+    /// direction of the rim: for rows at most `rows` apart and cells at most `height` high.
+    pub(super) fn depth_of_share(share: f64, rows: f64, height: f64) -> f64 {
+        // b is at most that of equal sides, which is less than a/4.
+        (share - 0.75) * rows + 0.25 * height
     }
 
     /// γ of a row that is `distance` rows outside of the rim: at or below 0 it is free, from 1 on it is held.
@@ -67,20 +70,33 @@ mod tests {
     /// For equal sides b = (√(1+a²) - 1)/4 and e^{c_0} = (√(1+a²) + 1)/2.
     #[test]
     fn equal_sides_have_a_closed_form() {
-        for aspect in [0.1, 0.5, 1.0, 2.0, 3.5] {
+        for aspect in [0.1, 0.5, 1.0, 2.0, 3.5, 10.0] {
             let root = f64::sqrt(1.0 + aspect * aspect);
             let half_plane = HalfPlane::new([aspect; 2], [1.0; 2]);
-            assert!((half_plane.reach - (root - 1.0) / 4.0).abs() < 1e-9, "{aspect} {half_plane:?}");
-            assert!((half_plane.weight - (root + 1.0)).abs() < 1e-9, "{aspect} {half_plane:?}");
+            assert!((half_plane.reach - (root - 1.0) / 4.0).abs() < 1e-13, "{aspect} {half_plane:?}");
+            assert!((half_plane.weight - (root + 1.0)).abs() < 1e-13, "{aspect} {half_plane:?}");
             let link = half_plane.link(half_plane.share(0.0));
-            assert!((link - (1.0 + root) * (4.0 - root) / root).abs() < 1e-8, "{aspect} {link}");
+            assert!((link - (1.0 + root) * (4.0 - root) / root).abs() < 1e-12, "{aspect} {link}");
         }
     }
 
     #[test]
     fn cubes_need_three_and_the_root_of_two() {
         let half_plane = HalfPlane::new([1.0; 2], [1.0; 2]);
-        assert!((half_plane.link(half_plane.share(0.0)) - (3.0 + 2f64.sqrt())).abs() < 1e-9);
+        assert!((half_plane.link(half_plane.share(0.0)) - (3.0 + 2f64.sqrt())).abs() < 1e-13);
+    }
+
+    #[test]
+    fn rows_deeper_than_is_said_have_that_share() {
+        for aspect in [[0.1, 3.0], [1.0, 1.0], [8.0, 0.5], [8.0, 8.0]] {
+            for permittivity in [[1.0, 1.0], [1.0, 80.0], [80.0, 1.0]] {
+                let half_plane = HalfPlane::new(aspect, permittivity);
+                for share in [0.9, 1.3] {
+                    let depth = HalfPlane::depth_of_share(share, 1.0, aspect[0].max(aspect[1]));
+                    assert!(half_plane.share(-depth) >= share, "{aspect:?} {permittivity:?}");
+                }
+            }
+        }
     }
 
     #[test]

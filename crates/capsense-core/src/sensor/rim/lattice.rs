@@ -1,7 +1,7 @@
 //! Rims on a lattice: outlines along lattice lines, across them, and curved.
 
 use super::half_plane::HalfPlane;
-use super::place::{Place, place};
+use super::place::{Place, Places};
 use super::{Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
@@ -34,9 +34,11 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
     let lattice = ground.lattice;
     let [xs, ys, zs] = lattice.axes();
     let [low, high] = electrode.outline.bounds();
+    let places = Places::of(&electrode.outline);
     let mut rim = Rim::default();
     let inner = |axis: &[f64]| 1..axis.len() - 1;
     for k in inner(zs).filter(|&k| (zs[k] - electrode.z).abs() <= flat) {
+        let height = (zs[k + 1] - zs[k]).max(zs[k] - zs[k - 1]);
         for j in inner(ys) {
             for i in inner(xs) {
                 // One cell beyond the outline.
@@ -45,11 +47,11 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 if !near {
                     continue;
                 }
-                let cell = Cell::around(ground, [i, j, k]);
-                let slack = ON_CORNER * cell.size.min_element();
-                let place = place(&electrode.outline, DVec2::new(xs[i], ys[j]), slack);
+                let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
+                let place = places.at(DVec2::new(xs[i], ys[j]), ON_CORNER * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
-                match cell.link(&place) {
+                let near_rim = || Cell::around(ground, [i, j, k], size).link(&place);
+                match link_of_far(&place, size, height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
                         rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 })
@@ -60,6 +62,16 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
         }
     }
     rim
+}
+
+/// What most nodes are, without a look at what is around them: those so far from the rim that nothing there can matter.
+fn link_of_far(place: &Place, size: DVec2, height: f64) -> Option<Link> {
+    let rows = size.max_element();
+    if place.distance >= rows {
+        return Some(Link::None);
+    }
+    let held = HalfPlane::depth_of_share(LARGEST_SHARE / CONVEX_CORNER, rows, height);
+    (-place.distance >= held).then_some(Link::Held)
 }
 
 enum Link {
@@ -87,10 +99,7 @@ struct Side {
 }
 
 impl Cell {
-    fn around(ground: Ground<'_>, place: [usize; 3]) -> Self {
-        let [xs, ys, _] = ground.lattice.axes();
-        let [i, j, _] = place;
-        let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
+    fn around(ground: Ground<'_>, place: [usize; 3], size: DVec2) -> Self {
         Self { size, sides: [true, false].map(|up| Side::of(ground, place, size, up)) }
     }
 
@@ -165,8 +174,7 @@ impl Ground<'_> {
         let (mut sum, mut area) = (0.0, 0.0);
         for (i, j) in [(i - 1, j - 1), (i, j - 1), (i - 1, j), (i, j)] {
             let of_cell = (xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j]);
-            let cell = (layer * (ys.len() - 1) + j) * (xs.len() - 1) + i;
-            sum += of_cell * self.permittivity.at(6 * cell);
+            sum += of_cell * self.permittivity.at(6 * self.lattice.cell_index([i, j, layer]));
             area += of_cell;
         }
         sum / area

@@ -3,9 +3,6 @@
 use crate::electrode::Outline;
 use glam::DVec2;
 
-/// Polygons that stand for curves turn by less than at corners: the cosine between their sides is below this.
-const SHARPEST_OF_CURVES: f64 = -0.5;
-
 /// The nearest point of an outline, seen from a point in its plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
@@ -17,77 +14,48 @@ pub(super) struct Place {
     pub(super) from_corner: Option<DVec2>,
 }
 
-/// Looks for the nearest point of an outline. Points within `slack` of it lie on it.
-pub(super) fn place(outline: &Outline, point: DVec2, slack: f64) -> Place {
-    match outline {
-        Outline::Rectangle { center, size } => {
-            let [low, high] = [*center - 0.5 * *size, *center + 0.5 * *size];
-            let corners = [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)];
-            of_contours(outline, &[&corners], point, slack)
-        }
-        Outline::Polygon(corners) => of_contours(outline, &[corners], point, slack),
-        Outline::Contours(contours) => {
-            let contours: Vec<&[DVec2]> = contours.iter().map(Vec::as_slice).collect();
-            of_contours(outline, &contours, point, slack)
-        }
-        Outline::Disk { center, radius } => {
-            let from = point - *center;
-            let normal = from.try_normalize().unwrap_or(DVec2::X);
-            Place { distance: from.length() - radius, normal, from_corner: None }
-        }
-    }
+/// An outline and what need be found out of it only once.
+#[derive(Clone, Debug)]
+pub(super) struct Places<'a> {
+    outline: &'a Outline,
+    convex_corners: Vec<DVec2>,
 }
 
-fn of_contours(outline: &Outline, contours: &[&[DVec2]], point: DVec2, slack: f64) -> Place {
-    let inside = outline.contains(point);
-    let mut nearest = (f64::INFINITY, DVec2::X);
-    let mut from_corner: Option<DVec2> = None;
-    for contour in contours {
-        for (index, &p) in contour.iter().enumerate() {
-            let q = contour[(index + 1) % contour.len()];
-            let along = ((point - p).dot(q - p) / (q - p).length_squared()).clamp(0.0, 1.0);
-            let foot = p.lerp(q, along);
-            let distance = point.distance(foot);
-            if distance < nearest.0 {
-                nearest = (distance, foot);
+impl<'a> Places<'a> {
+    pub(super) fn of(outline: &'a Outline) -> Self {
+        Self { outline, convex_corners: outline.convex_corners() }
+    }
+
+    /// Looks for the nearest point of the outline. Points within `slack` of it lie on it.
+    pub(super) fn at(&self, point: DVec2, slack: f64) -> Place {
+        let (distance, normal) = match self.outline {
+            Outline::Disk { center, radius } => {
+                let from = point - *center;
+                (from.length() - radius, from.try_normalize().unwrap_or(DVec2::X))
             }
-            let before = contour[(index + contour.len() - 1) % contour.len()];
-            let nearer = from_corner.is_none_or(|other| point.distance(p) < other.length());
-            if nearer && is_convex(outline, before, p, q) {
-                from_corner = Some(point - p);
-            }
+            _ => self.across_nearest_side(point, slack),
+        };
+        let from_corners = self.convex_corners.iter().map(|corner| point - corner);
+        let from_corner = from_corners.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+        Place { distance, normal, from_corner }
+    }
+
+    /// Distance and normal of a polygon.
+    fn across_nearest_side(&self, point: DVec2, slack: f64) -> (f64, DVec2) {
+        let Some(nearest) = self.outline.nearest_side(point) else {
+            return (f64::INFINITY, DVec2::X);
+        };
+        if nearest.distance > slack {
+            let outward = (point - nearest.foot) / nearest.distance;
+            return match self.outline.contains(point) {
+                true => (-nearest.distance, -outward),
+                false => (nearest.distance, outward),
+            };
         }
+        // On the rim, the side itself tells what is across.
+        let [p, q] = nearest.side;
+        let across = (q - p).try_normalize().unwrap_or(DVec2::X).perp();
+        let is_inward = self.outline.contains(point + across * (1e3 * slack));
+        (0.0, if is_inward { -across } else { across })
     }
-    let (distance, foot) = nearest;
-    if distance > slack {
-        let outward = if inside { foot - point } else { point - foot };
-        let signed = if inside { -distance } else { distance };
-        return Place { distance: signed, normal: outward / distance, from_corner };
-    }
-    // On the rim, the side itself tells what is across.
-    let side = side_at(contours, point);
-    let across = side.perp();
-    let step = across * (1e3 * slack);
-    let normal = if outline.contains(point + step) { -across } else { across };
-    Place { distance: 0.0, normal, from_corner }
-}
-
-/// The direction of the side nearest to a point.
-fn side_at(contours: &[&[DVec2]], point: DVec2) -> DVec2 {
-    let sides = contours
-        .iter()
-        .flat_map(|contour| (0..contour.len()).map(|k| [contour[k], contour[(k + 1) % contour.len()]]));
-    let distance = |[p, q]: [DVec2; 2]| {
-        let along = ((point - p).dot(q - p) / (q - p).length_squared()).clamp(0.0, 1.0);
-        point.distance(p.lerp(q, along))
-    };
-    let nearest = sides.min_by(|a, b| distance(*a).total_cmp(&distance(*b)));
-    nearest.and_then(|[p, q]| (q - p).try_normalize()).unwrap_or(DVec2::X)
-}
-
-/// Whether the electrode fills less than half of the surroundings of a corner by a good part.
-fn is_convex(outline: &Outline, before: DVec2, p: DVec2, after: DVec2) -> bool {
-    let (a, b) = ((before - p).normalize_or_zero(), (after - p).normalize_or_zero());
-    let reach = 1e-3 * before.distance(p).min(after.distance(p));
-    a.dot(b) > SHARPEST_OF_CURVES && outline.contains(p + reach * (a + b).normalize_or_zero())
 }
