@@ -206,3 +206,185 @@ fn weakening(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> f64 {
     };
     through.max(along(0)).max(along(1)).max(1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// An edge between two nodes, each of which may be linked to an object; column s has object s at 1 V.
+    #[derive(Clone, Copy, Debug)]
+    struct Edge {
+        nodes: [usize; 2],
+        weight: f64,
+        through: f64,
+        links: [f64; 2],
+        objects: [usize; 2],
+    }
+
+    impl Edge {
+        fn fields(&self, potentials: &[f64], column: usize) -> EdgeFields {
+            let objects = self.objects.map(|object| if object == column { 1.0 } else { 0.0 });
+            let ends = self.nodes.map(|node| potentials[node]);
+            EdgeFields { through: self.through, links: self.links, ends, objects }
+        }
+    }
+
+    const COLUMNS: usize = 2;
+    const NODES: usize = 4;
+    /// The last node is held.
+    const HELD: usize = NODES - 1;
+
+    type Fields = [[f64; NODES]; COLUMNS];
+
+    /// XᵀKX.
+    fn energies(edges: &[Edge], x: &Fields) -> Vec<f64> {
+        let pairs = (0..COLUMNS).flat_map(|s| (0..COLUMNS).map(move |t| (s, t)));
+        let of_pair = |(s, t): (usize, usize)| {
+            let of_edge = |e: &Edge| e.weight * energy(&e.fields(&x[s], s), &e.fields(&x[t], t));
+            edges.iter().map(of_edge).sum()
+        };
+        pairs.map(of_pair).collect()
+    }
+
+    /// Gauss and Seidel's iteration, to rounding: every free node is linked to something.
+    fn solution(edges: &[Edge]) -> Fields {
+        let mut x = [[0.25; NODES]; COLUMNS];
+        for (column, x) in x.iter_mut().enumerate() {
+            for node in (0..3000).flat_map(|_| 0..HELD) {
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for edge in edges {
+                    let fields = edge.fields(x, column);
+                    for end in (0..2).filter(|&end| edge.nodes[end] == node) {
+                        sum += edge.weight * fields.through * fields.ends[1 - end];
+                        sum += edge.weight * fields.links[end] * fields.objects[end];
+                        weights += edge.weight * (fields.through + fields.links[end]);
+                    }
+                }
+                x[node] = sum / weights;
+            }
+        }
+        x
+    }
+
+    /// Leads a bracket from fields over the changes of all edges.
+    fn bracket_over(before: &[Edge], after: &[Edge], x: &Fields) -> Bracket {
+        let exact = energies(before, &solution(before));
+        let known = energies(before, x);
+        let mut bracket = Bracket::new(COLUMNS);
+        let own = |column: usize| column * COLUMNS + column;
+        let errors = (0..COLUMNS).map(|c| (known[own(c)] - exact[own(c)]).max(0.0) / known[own(c)]);
+        bracket.reset(&known, &[0.0; COLUMNS * COLUMNS], errors);
+        bracket.start_changes();
+        for (before, after) in before.iter().zip(after) {
+            let fields = |edge: &Edge| -> Vec<_> { (0..COLUMNS).map(|c| edge.fields(&x[c], c)).collect() };
+            let free = before.nodes.map(|node| node != HELD);
+            bracket.change(before.weight, &fields(before), &fields(after), free);
+        }
+        bracket.finish_changes();
+        bracket
+    }
+
+    /// Edges between all nodes and a weak link of each to object 0, which stays.
+    fn network(couplings: &[(f64, [f64; 2])]) -> Vec<Edge> {
+        let pairs = (0..NODES).flat_map(|a| (a + 1..NODES).map(move |b| [a, b]));
+        let changing = pairs.zip(couplings).enumerate().map(|(k, (nodes, &(through, links)))| Edge {
+            nodes,
+            weight: 1.0 + 0.3 * k as f64,
+            through,
+            links,
+            objects: [k % 2, (k / 2) % 2],
+        });
+        let weak =
+            |a| Edge { nodes: [a, HELD], weight: 0.1, through: 0.0, links: [1.0, 0.0], objects: [0; 2] };
+        changing.chain((0..HELD).map(weak)).collect()
+    }
+
+    /// Either link, or both, beside what passes through.
+    fn mixed() -> impl Strategy<Value = (f64, [f64; 2])> {
+        let some = || 0.02..2.0;
+        let links =
+            prop_oneof![[some(), some()], (some()).prop_map(|l| [l, 0.0]), some().prop_map(|m| [0.0, m])];
+        (some(), links)
+    }
+
+    fn any_coupling() -> impl Strategy<Value = (f64, [f64; 2])> {
+        prop_oneof![mixed(), Just((1.0, [0.0; 2])), (0.0..1.0, 0.0..1.0).prop_map(|(l, m)| (0.0, [l, m]))]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Of solutions and of fields with errors, to edges of which conductors take a part.
+        #[test]
+        fn energies_lie_between_the_bounds(
+            before in prop::collection::vec(any_coupling(), 6),
+            after in prop::collection::vec(mixed(), 6),
+            errors in prop::array::uniform3(-0.2..0.2),
+            is_solved in any::<bool>(),
+        ) {
+            // Where only one end is free, currents are led along its link, so that there must be one.
+            let with_link = |(k, (through, links)): (usize, &(f64, [f64; 2]))| match k {
+                2 | 4 | 5 => (*through, [links[0].max(0.1), links[1]]),
+                _ => (*through, *links),
+            };
+            let after: Vec<_> = after.iter().enumerate().map(with_link).collect();
+            let [before, after] = [network(&before), network(&after)];
+            let mut x = solution(&before);
+            for column in x.iter_mut().filter(|_| !is_solved) {
+                column.iter_mut().zip(errors).for_each(|(potential, error)| *potential += error);
+            }
+            let bracket = bracket_over(&before, &after, &x);
+            prop_assert!(!bracket.is_lost);
+            for (kept, anew) in bracket.energies.iter().zip(energies(&after, &x)) {
+                prop_assert!((kept - anew).abs() < 1e-12, "{kept} {anew}");
+            }
+            let exact = energies(&after, &solution(&after));
+            for column in 0..COLUMNS {
+                let own = column * COLUMNS + column;
+                let (above, gap) = (bracket.energies[own], bracket.gap[column]);
+                prop_assert!(exact[own] <= above + 1e-12 && above - gap <= exact[own] + 1e-12, "{} in {above} - {gap}", exact[own]);
+            }
+        }
+    }
+
+    /// Two nodes that nothing else holds: there is only one way for the currents, and the lower bound is the energy.
+    #[test]
+    fn the_gap_of_an_edge_alone_is_exact() {
+        let edge = |through, links| Edge { nodes: [0, 1], weight: 1.5, through, links, objects: [0, 1] };
+        let before = edge(1.0, [0.4, 0.3]);
+        for (through, links) in [(0.2, [0.5, 0.7]), (1.0, [0.1, 2.0]), (3.0, [0.0, 0.6]), (0.4, [0.9, 0.0])] {
+            // Two more nodes beside, which nothing changes.
+            let rest = Edge { nodes: [2, HELD], weight: 1.0, through: 1.0, links: [0.0; 2], objects: [0; 2] };
+            let [before, after] = [before, edge(through, links)].map(|edge| [edge, rest]);
+            let bracket = bracket_over(&before, &after, &solution(&before));
+            let exact = energies(&after, &solution(&after));
+            for column in 0..COLUMNS {
+                let own = column * COLUMNS + column;
+                let below = bracket.energies[own] - bracket.gap[column];
+                assert!((below - exact[own]).abs() < 1e-9, "{through} {links:?}: {below} {}", exact[own]);
+            }
+        }
+    }
+
+    /// Errors weigh more where couplings weaken, by the factor of the mode of which that holds most.
+    #[test]
+    fn weakening_is_at_least_that_of_every_field() {
+        let of = |through: f64, links| EdgeFields { through, links, ends: [0.0; 2], objects: [0.0; 2] };
+        let before = of(1.0, [0.5, 2.0]);
+        for after in [of(0.01, [0.5, 2.0]), of(1.0, [0.005, 0.02]), of(0.3, [0.0, 0.7]), of(2.0, [1.0, 4.0])]
+        {
+            let factor = weakening(&before, &after, [true; 2]);
+            let worst = (0..200).map(|k| {
+                let (b, a) = (f64::from(k) * std::f64::consts::PI / 200.0).sin_cos();
+                // The currents of the old coupling, led along the new one: their energy against what they had.
+                let (from, to) = (EdgeFields { ends: [a, b], ..before }, after);
+                let led = gap(&from, &to, [true; 2]).unwrap_or(f64::NAN);
+                let [i, j] = currents(&from);
+                led / (i * a + j * b)
+            });
+            let worst = worst.fold(1.0, f64::max);
+            assert!((worst..=2.0 * worst).contains(&factor), "{after:?}: {factor} {worst}");
+        }
+    }
+}
