@@ -7,7 +7,6 @@ mod common;
 use capsense_core::baseline::{
     AccumulatedStiffness, BaselineError, CentroidOccupancy, CgOptions, Ic0Method, PaperMethod, STEEL,
 };
-use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
@@ -15,20 +14,13 @@ use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
-use common::{DOMAIN, EXACT, bar, depth_of_boxes, stripes_sensor, three_stripes, without_lattice};
-
-const GROUNDED: Material = Material::Conductor(Connection::Grounded);
-const FLOATING: Material = Material::Conductor(Connection::Floating);
+use common::{
+    DOMAIN, EXACT, FLOATING, GROUNDED, bar, depth_of_boxes, relative_error, stripes_sensor, three_stripes,
+    without_lattice,
+};
 
 fn permittivity(value: f64) -> RelativePermittivity {
     RelativePermittivity::new(value).unwrap()
-}
-
-/// Largest difference over all entries, relative to the self-capacitances.
-fn difference(a: &CapacitanceMatrix, b: &CapacitanceMatrix) -> f64 {
-    let entries = (0..a.size()).flat_map(|s| (0..a.size()).map(move |t| (s, t)));
-    let relative = |(s, t)| (a.get(s, t) - b.get(s, t)).abs() / (b.get(s, s) * b.get(t, t)).sqrt();
-    entries.map(relative).fold(0.0, f64::max)
 }
 
 #[test]
@@ -47,7 +39,7 @@ fn ic0_gives_the_capacitances_of_the_simulator() {
                 let _ = simulator.step(&depth).unwrap();
                 let _ = ic0.step(&depth).unwrap();
                 assert_eq!(ic0.matrix().to_csr(), simulator.matrix().to_csr());
-                let error = difference(ic0.capacitance(), simulator.capacitance());
+                let error = relative_error(ic0.capacitance(), simulator.capacitance());
                 assert!(error < 1e-6, "{material:?} at {height}: {error}");
             }
         }
@@ -76,12 +68,12 @@ fn the_papers_method_agrees_on_an_empty_scene() {
         let mut paper = PaperMethod::<f64>::new(&sensor, &[], options);
         let report = paper.step(&empty).unwrap();
         assert_eq!(report.changed, 0);
-        let error = difference(paper.capacitance(), simulator.base());
+        let error = relative_error(paper.capacitance(), simulator.base());
         assert!(error < allowed, "{relative_residual}: {error}");
     }
     let mut single = PaperMethod::<f32>::new(&sensor, &[], CgOptions::PAPER);
     let _ = single.step(&empty).unwrap();
-    let error = difference(single.capacitance(), simulator.base());
+    let error = relative_error(single.capacitance(), simulator.base());
     assert!(error < 3e-5, "single precision: {error}");
 }
 
@@ -165,7 +157,7 @@ fn the_papers_method_agrees_on_a_block_along_the_cells() {
     let options = CgOptions { relative_residual: 1e-11, ..CgOptions::PAPER };
     let mut paper = PaperMethod::<f64>::new(&sensor, &[permittivity(80.0)], options);
     let _ = paper.step(&depth).unwrap();
-    let error = difference(paper.capacitance(), reference.base());
+    let error = relative_error(paper.capacitance(), reference.base());
     assert!(error < 1e-10, "{error}");
 }
 

@@ -12,12 +12,9 @@ use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError, StepReport};
 use common::{
-    DOMAIN, bar, both, conductor, depth_of_boxes, dielectric, oracle, rectangle, relative_error,
-    stripes_sensor, three_stripes, to, with_slivers, without_lattice,
+    DOMAIN, FLOATING, GROUNDED, bar, both, conductor, depth_of_boxes, dielectric, oracle, rectangle,
+    relative_error, stripes_sensor, three_stripes, to, with_slivers, without_lattice,
 };
-
-const GROUNDED: Material = Material::Conductor(Connection::Grounded);
-const FLOATING: Material = Material::Conductor(Connection::Floating);
 
 /// Of the simulators that are compared with the oracle.
 const TOLERANCE: f64 = 1e-7;
@@ -310,7 +307,7 @@ fn an_object_in_the_place_of_another_counts_for_itself() {
     let low = DVec3::new(-0.04, -0.03, 0.0313);
     let plate = Aabb { min: low, max: low + DVec3::new(0.09, 0.05, 0.001) };
     let gone = bar(3.0, 0.0);
-    let materials = [conductor(Connection::Floating), conductor(Connection::Grounded)];
+    let materials = [FLOATING, GROUNDED];
     for sensor in both(stripes_sensor(10_000)) {
         let simulator = || Simulator::new(sensor.clone(), materials.to_vec(), to(1e-8)).unwrap();
         let (mut moving, mut fresh) = (simulator(), simulator());

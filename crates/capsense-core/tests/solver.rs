@@ -12,7 +12,9 @@ use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use capsense_core::stiffness::EdgeNetwork;
-use common::{DOMAIN, EXACT, bar, both, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
+use common::{
+    DOMAIN, EXACT, bar, both, depth_of_boxes, rectangle, relative_error, stripes_sensor, without_lattice,
+};
 
 fn materials() -> Vec<Material> {
     let weak = Material::Dielectric(RelativePermittivity::new(4.0).unwrap());
@@ -27,13 +29,8 @@ fn boxes(frame: usize) -> [Aabb; 3] {
     [bar(0.08, 0.002 * step - 0.1), bar(jump, -0.1), bar(gone, 0.1 - 0.001 * step)]
 }
 
-/// Largest error of an entry relative to √(C_ii C_jj).
 fn error(of: &Simulator, truth: &Simulator) -> f64 {
-    let (c, t) = (of.capacitance(), truth.capacitance());
-    let entries = (0..3).flat_map(|i| (0..3).map(move |j| (i, j)));
-    entries
-        .map(|(i, j)| (c.get(i, j) - t.get(i, j)).abs() / (t.get(i, i) * t.get(j, j)).sqrt())
-        .fold(0.0, f64::max)
+    relative_error(of.capacitance(), truth.capacitance())
 }
 
 /// Over a run: at most one frame in a hundred above the tolerance, none above three times it.

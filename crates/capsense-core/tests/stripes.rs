@@ -11,11 +11,8 @@ use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::occupancy::Contact;
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::SolverOptions;
-use common::{EXACT, bar, depth_of_boxes, stripes_sensor};
+use common::{EXACT, FLOATING, GROUNDED, bar, depth_of_boxes, stripes_sensor};
 use proptest::prelude::*;
-
-const GROUNDED: Material = Material::Conductor(Connection::Grounded);
-const FLOATING: Material = Material::Conductor(Connection::Floating);
 
 fn simulator(materials: Vec<Material>, options: SolverOptions) -> Simulator {
     Simulator::new(stripes_sensor(20_000), materials, options).unwrap()
@@ -95,15 +92,16 @@ fn a_capacitance_to_ground_lies_between_floating_and_grounded() {
     assert!(floating < at(5e-12) && at(5e-12) < grounded);
 }
 
-/// A block several cells thick: in a plate thinner than a cell no node is inside that could carry charge sideways.
+/// A block several cells thick: in a plate thinner than a cell no node is inside that could carry charge sideways. Not
+/// more than 1e6: at 1e7 the solver ends as indefinite on more than a third of such lattices, whatever the tolerance.
 #[test]
 fn a_dielectric_of_high_permittivity_acts_as_a_floating_conductor() {
     let thin = bar(0.05, 0.0);
     let block = Aabb { max: thin.max.with_z(0.15), ..thin };
-    let dielectric = Material::Dielectric(RelativePermittivity::new(1e7).unwrap());
+    let dielectric = Material::Dielectric(RelativePermittivity::new(1e6).unwrap());
     let [dielectric, floating] = [dielectric, FLOATING].map(|material| change_by(block, material, 50_000));
     for (a, b) in dielectric.as_flattened().iter().zip(floating.as_flattened()) {
-        assert!((a / b - 1.0).abs() < 1e-3, "{dielectric:?} {floating:?}");
+        assert!((a / b - 1.0).abs() < 1e-4, "{dielectric:?} {floating:?}");
     }
 }
 

@@ -7,128 +7,24 @@ mod common;
 
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
-use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
-use capsense_core::occupancy::{
-    Contact, DepthLayers, EdgeGeometry, NO_OBJECT, Occupancy, OrthographicView, Span, Surfaces,
-};
+use capsense_core::occupancy::{Contact, DepthLayers, NO_OBJECT, OrthographicView, Span, Surfaces};
 use capsense_core::sensor::{Sensor, SensorDesign};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::SolverOptions;
-use capsense_core::stiffness::{EdgeNetwork, StiffnessMatrix};
-use common::{DOMAIN, Dice, bar, depth_of_boxes, rectangle, stripes_sensor, without_lattice};
+use common::updater::Updater;
+use common::{
+    DOMAIN, Dice, FLOATING, GROUNDED, bar, depth_of_boxes, dielectric, rectangle, stripes_sensor,
+    without_lattice,
+};
 use proptest::prelude::*;
-use std::collections::BTreeSet;
 use std::sync::LazyLock;
-
-const GROUNDED: Material = Material::Conductor(Connection::Grounded);
-const FLOATING: Material = Material::Conductor(Connection::Floating);
-
-fn dielectric(relative_permittivity: f64) -> Material {
-    Material::Dielectric(RelativePermittivity::new(relative_permittivity).unwrap())
-}
 
 /// The same sensor on a lattice and on a mesh that is not known to be one.
 static MESHES: LazyLock<[Sensor; 2]> = LazyLock::new(|| {
     let lattice = stripes_sensor(6_000);
     [without_lattice(&lattice), lattice]
 });
-
-/// Couplings, linked edges, the conductors of nodes, contacts, and the values of K.
-type State<'a> = (Vec<[u64; 4]>, &'a [u32], &'a [u16], &'a [Contact], Vec<u64>);
-
-/// The part of a simulator that comes before the solver.
-#[derive(Clone)]
-struct Updater<'a> {
-    sensor: &'a Sensor,
-    network: EdgeNetwork,
-    materials: Vec<Material>,
-    occupancy: Occupancy,
-    matrix: StiffnessMatrix,
-}
-
-impl<'a> Updater<'a> {
-    fn new(sensor: &'a Sensor, materials: &[Material]) -> Self {
-        let network = EdgeNetwork::of_sensor(sensor);
-        let nodes = sensor.mesh().nodes().len();
-        let occupancy = Occupancy::empty(nodes, network.edges().len());
-        let matrix = StiffnessMatrix::new(network.clone(), nodes);
-        Self { sensor, network, materials: materials.to_vec(), occupancy, matrix }
-    }
-
-    fn step(&mut self, surfaces: &impl Surfaces) {
-        let mesh = EdgeGeometry {
-            nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.owners(),
-            edges: self.network.edges(),
-            permittivity: self.network.permittivity(),
-        };
-        self.occupancy.update(mesh, &self.materials, surfaces);
-        self.matrix.update(&self.occupancy);
-    }
-
-    /// Everything that one frame leaves, in bits.
-    fn state(&self) -> State<'_> {
-        let couplings = self.occupancy.couplings().iter().map(|c| {
-            let objects = u64::from(c.object[0]) << 16 | u64::from(c.object[1]);
-            [c.through.to_bits(), c.factor[0].to_bits(), c.factor[1].to_bits(), objects]
-        });
-        let matrix = self.matrix.to_csr().values().iter().map(|value| value.to_bits()).collect();
-        let occupancy = &self.occupancy;
-        let lists = (occupancy.linked_edges(), occupancy.conductors(), occupancy.contacts());
-        (couplings.collect(), lists.0, lists.1, lists.2, matrix)
-    }
-
-    fn assert_is_fresh(&self, surfaces: &impl Surfaces) {
-        let mut fresh = Self::new(self.sensor, &self.materials);
-        fresh.step(surfaces);
-        assert!(self.state() == fresh.state(), "differs from a fresh build");
-        let linked = (0..).zip(self.occupancy.couplings()).filter(|(_, c)| c.is_linked());
-        assert!(linked.map(|(edge, _)| edge).eq(self.occupancy.linked_edges().iter().copied()));
-    }
-
-    /// What is said to have changed since an earlier frame is what did.
-    fn assert_tells_changes_since(&self, before: &Self) {
-        let held = |updater: &Self, node: u32| updater.occupancy.conductors()[node as usize];
-        let nodes = 0..self.sensor.mesh().nodes().len() as u32;
-        let moved = nodes.clone().filter(|&node| held(self, node) != held(before, node));
-        assert!(moved.eq(self.occupancy.changed_nodes().iter().copied()), "changed nodes");
-        let ends = |edge: u32| self.network.edges().ends(edge as usize).into_iter().flatten();
-        let other = |edge: &u32| {
-            let [now, then] = [self, before].map(|u| u.occupancy.couplings()[*edge as usize]);
-            now != then || ends(*edge).any(|node| held(self, node) != held(before, node))
-        };
-        let edges = (0..self.network.edges().len() as u32).filter(other);
-        assert!(edges.eq(self.occupancy.changed_edges().iter().copied()), "changed edges");
-        let (now, then) = (self.matrix.to_csr(), before.matrix.to_csr());
-        // Links may lead to another object and weigh the same.
-        let mut relinked = BTreeSet::new();
-        for (edge, _) in self.network.weights().iter().enumerate().filter(|(_, base)| **base > 0.0) {
-            let [now, then] = [self, before].map(|u| u.occupancy.couplings()[edge].object);
-            let ends = self.network.edges().ends(edge).into_iter().flatten().zip([0, 1]);
-            relinked.extend(ends.filter(|(_, end)| now[*end] != then[*end]).map(|(node, _)| node));
-        }
-        let differs = |row: &u32| {
-            if relinked.contains(row) {
-                return true;
-            }
-            let row = *row as usize;
-            now.row(row).values() != then.row(row).values()
-                || self.matrix.link_weight(row) != before.matrix.link_weight(row)
-        };
-        let mut rows = self.matrix.changed_rows().to_vec();
-        rows.sort_unstable();
-        assert!(nodes.filter(differs).eq(rows), "changed rows");
-    }
-
-    /// Takes a step and checks all there is to check.
-    fn step_checked(&mut self, surfaces: &impl Surfaces) {
-        let before = self.clone();
-        self.step(surfaces);
-        self.assert_is_fresh(surfaces);
-        self.assert_tells_changes_since(&before);
-    }
-}
 
 /// Fills a layer with a ball, or with what is cut out of it by a tilted plane.
 fn draw_ball(depth: &mut DepthLayers, object: usize, centre: DVec3, radius: f64, tilt: f64) {

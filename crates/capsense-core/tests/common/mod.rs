@@ -1,6 +1,10 @@
-//! Sensors and depth images that several tests use.
+//! Sensors, materials and depth images that several tests use.
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
+
+pub mod half_spaces;
+pub mod shapes;
+pub mod updater;
 
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::{Electrode, Outline};
@@ -24,6 +28,12 @@ pub const EXACT: SolverOptions = SolverOptions {
     max_iterations: 20_000,
     threads: None,
 };
+
+/// The same, from a factorisation.
+pub const DIRECT: SolverOptions = SolverOptions { preconditioner: Preconditioner::Direct, ..EXACT };
+
+pub const GROUNDED: Material = Material::Conductor(Connection::Grounded);
+pub const FLOATING: Material = Material::Conductor(Connection::Floating);
 
 pub fn rectangle(name: &str, center: [f64; 2], size: [f64; 2]) -> Electrode {
     let outline = Outline::Rectangle { center: DVec2::from(center), size: DVec2::from(size) };
@@ -86,6 +96,12 @@ pub fn on_other_mesh(sensor: &Sensor, mesh: TetMesh) -> Sensor {
 /// The same sensor on a lattice and on a mesh that is not known to be one.
 pub fn both(lattice: Sensor) -> [Sensor; 2] {
     [without_lattice(&lattice), lattice]
+}
+
+/// A sensor on a lattice, its rims held: on the same mesh not known to be one, on a mesh with negative weights, and itself.
+pub fn on_three_meshes(lattice: &Sensor) -> [Sensor; 3] {
+    let held = lattice.clone().with_rims_held();
+    [without_lattice(&held), with_slivers(&held), held]
 }
 
 pub fn conductor(connection: Connection) -> Material {

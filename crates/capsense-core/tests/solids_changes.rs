@@ -1,0 +1,166 @@
+//! What is found to have changed when solids move is all that did.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::{Aabb, Pose, Shape};
+use capsense_core::glam::{DQuat, DVec3};
+use capsense_core::material::Connection;
+use capsense_core::occupancy::{Earlier, Regions, Surfaces};
+use capsense_core::sensor::Sensor;
+use capsense_core::solids::Solids;
+use common::shapes::{LENGTH, RADIUS, SIZE, all_shapes, at, pose, rotation};
+use common::updater::Updater;
+use common::{Dice, bar, conductor, depth_of_boxes, dielectric, stripes_sensor, without_lattice};
+use proptest::prelude::*;
+use std::sync::LazyLock;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Shifts along the axes, one or two of them, leave faces in their planes, however often the solid is turned by a
+    /// right angle or about the third axis. Grid points lie in faces and planes; some segments pass rims closely.
+    #[test]
+    fn regions_hold_all_that_differs_when_faces_slide(
+        seed in any::<u64>(), turns in 0..4_usize, axis in 0..3_usize, yaw in -4.0..4.0, spacing in 0.002..0.05,
+    ) {
+        let mut dice = Dice(seed);
+        let right_angle = std::f64::consts::FRAC_PI_2;
+        let about = [DVec3::X, DVec3::Y, DVec3::Z][axis];
+        let angle = if dice.below(2) == 0 { turns as f64 * right_angle } else { yaw };
+        // Exactly a half turn too, which leaves faces across axes.
+        let half_turns = [DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0), DQuat::from_xyzw(0.0, 1.0, 0.0, 0.0), DQuat::IDENTITY];
+        let rotation = DQuat::from_axis_angle(about, angle) * half_turns[dice.below(3)];
+        let before = Pose { rotation, translation: 0.01 * DVec3::new(1.0, -2.0, 3.0) };
+        let mut shift = DVec3::ZERO;
+        for _ in 0..=dice.below(2) {
+            shift[dice.below(3)] = dice.between(-5e-3, 5e-3);
+        }
+        let now = Pose { translation: before.translation + shift, ..before };
+        for shape in all_shapes() {
+            let earlier = at(std::slice::from_ref(&shape), &[before]);
+            let mut later = earlier.clone();
+            later.place(&[now]).unwrap();
+            assert_regions_hold(&shape, [&earlier, &later], spacing, &mut dice, |dice| {
+                // A point of the surface, a rim or outside in the solid's frame, and one near it or far away.
+                let half = 0.5 * SIZE.max(DVec3::new(2.0 * RADIUS, 2.0 * RADIUS, LENGTH));
+                let mut place = || half * DVec3::from_array([0; 3].map(|_| [-1.0, 0.0, 0.5, 1.0, 1.1][dice.below(5)]));
+                let (a, b) = (before.sensor_from_object(place()), before.sensor_from_object(place()));
+                let jitter = 10.0_f64.powf(dice.between(-14.0, -1.0));
+                (a + jitter * dice.point(), b + jitter * dice.point())
+            })?;
+        }
+    }
+
+    /// What differs after a move lies in the regions, on any kind of shape.
+    #[test]
+    fn regions_hold_all_that_differs(seed in any::<u64>(), before in pose(), small in any::<bool>(), spacing in 0.002..0.05) {
+        let mut dice = Dice(seed);
+        let reach = if small { 2e-3 } else { 0.1 };
+        let shift = DVec3::new(dice.between(-reach, reach), dice.between(-reach, reach), dice.between(-reach, reach));
+        let turn = rotation([dice.next(), dice.next(), dice.next()], dice.between(-10.0, 10.0) * reach);
+        let now = Pose { rotation: turn * before.rotation, translation: before.translation + shift };
+        for shape in all_shapes() {
+            let earlier = at(std::slice::from_ref(&shape), &[before]);
+            let mut later = earlier.clone();
+            later.place(&[now]).unwrap();
+            assert_regions_hold(&shape, [&earlier, &later], spacing, &mut dice, |dice| {
+                let (a, b) = (0.5 * dice.point(), 0.5 * dice.point());
+                (a, if dice.below(2) == 0 { b } else { a + 0.05 * (b - a) })
+            })?;
+        }
+    }
+}
+
+/// All that differs between two frames of an object, of many segments and their ends, is in the regions found.
+fn assert_regions_hold(
+    shape: &Shape,
+    [earlier, later]: [&Solids; 2],
+    spacing: f64,
+    dice: &mut Dice,
+    mut segment: impl FnMut(&mut Dice) -> (DVec3, DVec3),
+) -> Result<(), TestCaseError> {
+    let (mut memory, mut regions) = (Earlier::default(), Regions::for_spacing(spacing));
+    prop_assert!(!earlier.find_changes(&mut memory, &mut regions), "nothing to compare with");
+    prop_assert!(later.find_changes(&mut memory, &mut regions));
+    for _ in 0..200 {
+        let (a, b) = segment(dice);
+        let differs = earlier.contains(0, a) != later.contains(0, a);
+        prop_assert!(!differs || regions.boxes().iter().any(|region| region.contains(a)), "{shape:?} at {a}");
+        let bits = |solids: &Solids| solids.span(0, a, b).map(|s| [s.enter.to_bits(), s.exit.to_bits()]);
+        let around = Aabb { min: a.min(b), max: a.max(b) };
+        let differs = bits(earlier) != bits(later);
+        let is_told = regions.boxes().iter().any(|region| region.intersects(&around));
+        prop_assert!(!differs || is_told, "{shape:?} {a} {b}");
+    }
+    // The same place again.
+    let mut nothing = Regions::for_spacing(spacing);
+    prop_assert!(later.find_changes(&mut memory, &mut nothing) && nothing.boxes().is_empty());
+    Ok(())
+}
+
+#[test]
+fn a_ball_does_not_feel_turns() {
+    let shapes = [Shape::Sphere { radius: RADIUS }];
+    let earlier = at(&shapes, &[Pose::at(DVec3::X)]);
+    let mut turned = earlier.clone();
+    turned.place(&[Pose { rotation: rotation([1.0, 2.0, 3.0], 0.7), ..Pose::at(DVec3::X) }]).unwrap();
+    let (mut memory, mut regions) = (Earlier::default(), Regions::for_spacing(0.01));
+    let _ = earlier.find_changes(&mut memory, &mut regions);
+    assert!(turned.find_changes(&mut memory, &mut regions) && regions.boxes().is_empty());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Solids that rest, creep, turn, jump and leave, on a lattice and on a list of edges, and the camera in between.
+    #[test]
+    fn moves_leave_no_trace(seed in any::<u64>()) {
+        static MESHES: LazyLock<[Sensor; 2]> = LazyLock::new(|| {
+            let lattice = stripes_sensor(6_000);
+            [without_lattice(&lattice), lattice]
+        });
+        let mut dice = Dice(seed);
+        let shapes = all_shapes();
+        let shapes: Vec<_> = (0..3).map(|_| shapes[dice.below(shapes.len())].clone()).collect();
+        let materials = [dielectric(4.0), conductor(Connection::Grounded), conductor(Connection::Floating)];
+        let mut solids = Solids::new(&shapes).unwrap();
+        let mut poses = vec![Pose::IDENTITY; 3];
+        let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(sensor, &materials));
+        for _ in 0..8 {
+            for pose in &mut poses {
+                let step = match dice.below(4) {
+                    0 => continue,
+                    1 => 1e-3,
+                    2 => 2e-2,
+                    _ => 0.5,
+                };
+                pose.translation += step * (dice.point() - DVec3::Z * 0.12);
+                if dice.below(2) == 0 {
+                    let axis = [dice.next(), dice.next(), dice.next()];
+                    pose.rotation = (rotation(axis, 5.0 * step) * pose.rotation).normalize();
+                }
+            }
+            solids.place(&poses).unwrap();
+            let image = (dice.below(6) == 0).then(|| depth_of_boxes([24, 24], &[bar(0.05, 0.0); 3]));
+            for updater in &mut updaters {
+                let surfaces: &dyn Surfaces = image.as_ref().map_or(&solids, |image| image);
+                updater.step_checked(surfaces);
+            }
+        }
+    }
+}
+
+#[test]
+fn solids_at_rest_change_nothing() {
+    let sensor = stripes_sensor(6_000);
+    let materials = [conductor(Connection::Grounded); 6];
+    let mut updater = Updater::new(&sensor, &materials);
+    let poses: Vec<_> = (0..6).map(|k| Pose::at(DVec3::new(0.0, 0.0, 0.05 + 0.03 * f64::from(k)))).collect();
+    let solids = at(&all_shapes(), &poses);
+    updater.step(&solids);
+    assert!(!updater.occupancy.changed_edges().is_empty());
+    updater.step(&solids.clone());
+    assert!(updater.occupancy.changed_edges().is_empty());
+}
