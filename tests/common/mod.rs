@@ -1,5 +1,7 @@
-//! What the tests of the command share: a small scene, a small mesh, and how to call the program.
+//! What tests share: a small scene, a small mesh, Gmsh files of a cube, and how to call the program.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs, dead_code, unreachable_pub)]
+
+pub mod gmsh_cube;
 
 use capsense::core::geometry::Aabb;
 use capsense::core::glam::DVec3;
