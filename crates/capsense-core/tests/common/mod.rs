@@ -2,6 +2,9 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+pub mod cubic;
+pub mod walled;
+
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
