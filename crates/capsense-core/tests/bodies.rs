@@ -25,7 +25,11 @@ const FARADS: f64 = 4.0 * PI * VACUUM_PERMITTIVITY;
 const CELLS: [f64; 3] = [4.3, 6.3, 9.3];
 
 fn ball(radius: f64, centre: DVec3) -> Body {
-    Body { shape: Shape::Sphere { radius }, centre, material: conductor(Connection::Grounded) }
+    Body {
+        shape: Shape::Sphere { radius },
+        pose: Pose::at(centre),
+        material: conductor(Connection::Grounded),
+    }
 }
 
 /// A charge on the z axis, divided by 4πε₀.

@@ -74,12 +74,12 @@ fn partial(layer: Option<Layer>, terms: usize) -> [f64; 2] {
     };
     let (x, other, y) = (of(0, 0), of(0, 1), of(1, 0));
     let mut c = [0.0; 2];
-    for m in 0..terms {
-        for n in 0..terms {
+    for (m, (x, other)) in x.iter().zip(&other).enumerate() {
+        for (n, y) in y.iter().enumerate() {
             let k = PI * ((m + 1) as f64).hypot((n + 1) as f64);
-            let weight = 0.25 * VACUUM_PERMITTIVITY * admittance(k, layer) * y[n] * y[n] * x[m];
-            c[0] += weight * x[m];
-            c[1] += weight * other[m];
+            let weight = 0.25 * VACUUM_PERMITTIVITY * admittance(k, layer) * y * y * x;
+            c[0] += weight * x;
+            c[1] += weight * other;
         }
     }
     c
@@ -101,7 +101,7 @@ fn series(layer: Option<Layer>) -> [f64; 2] {
 fn body(layer: Layer) -> Body {
     let size = DVec3::new(2.0, 2.0, layer.top - layer.bottom);
     let centre = DVec3::new(0.5, 0.5, 0.5 * (layer.top + layer.bottom));
-    Body { shape: Shape::Box { size }, centre, material: layer.material }
+    Body { shape: Shape::Box { size }, pose: Pose::at(centre), material: layer.material }
 }
 
 fn slab(permittivity: f64, bottom: f64, top: f64) -> Option<Layer> {
@@ -173,7 +173,7 @@ fn by_simulator(lattice: &Lattice, layer: Option<Layer>) -> [f64; 2] {
     let mut simulator = Simulator::new(sensor, materials, to(1e-9)).unwrap();
     if let Some(body) = layer.map(body) {
         let mut solids = Solids::new(&[body.shape]).unwrap();
-        solids.place(&[Pose::at(body.centre)]).unwrap();
+        solids.place(&[body.pose]).unwrap();
         let _ = simulator.step(&solids).unwrap();
     }
     let c = simulator.capacitance();

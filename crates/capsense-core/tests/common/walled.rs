@@ -16,7 +16,7 @@ use capsense_core::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
 /// A solid of some material.
 pub struct Body {
     pub shape: Shape,
-    pub centre: DVec3,
+    pub pose: Pose,
     pub material: Material,
 }
 
@@ -89,7 +89,7 @@ impl WalledBox {
         let mut matrix = StiffnessMatrix::new(network.clone(), nodes.len());
         if !bodies.is_empty() {
             let shapes: Vec<Shape> = bodies.iter().map(|body| body.shape.clone()).collect();
-            let poses: Vec<Pose> = bodies.iter().map(|body| Pose::at(body.centre)).collect();
+            let poses: Vec<Pose> = bodies.iter().map(|body| body.pose).collect();
             let materials: Vec<Material> = bodies.iter().map(|body| body.material).collect();
             let mut solids = Solids::new(&shapes).unwrap();
             solids.place(&poses).unwrap();
