@@ -52,7 +52,7 @@ fn what_was_in_a_face_leaves_no_trace() {
     let mut solids = Solids::new(&shapes).unwrap();
     let mut simulator = new();
     let upright = DQuat::IDENTITY;
-    let heights = [above[1], above[1] + 1e-10, above[1] + 6e-10, above[1] + 2e-3, above[2], above[1]];
+    let heights = [above[1], above[1] + 3e-10, above[1] + 6e-10, above[1] + 2e-3, above[2], above[1]];
     let turned = heights.map(|height| (height, upright)).into_iter().chain([
         (above[1], DQuat::from_rotation_z(0.3)),
         (above[1], DQuat::from_rotation_x(1e-6)),

@@ -289,7 +289,7 @@ impl Occupancy {
         let bounds = changes.bounds();
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
         let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
-        let looks_beside = has_weak || has_silhouettes;
+        let looks_beside = has_weak || has_silhouettes || has_faces;
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
@@ -301,13 +301,7 @@ impl Occupancy {
                 });
             }
             for region in changes.regions() {
-                let region = match (looks_beside, has_faces) {
-                    (true, _) => {
-                        parallel::up_to_planes(mesh.edges, &parallel::with_faces(mesh.edges, region))
-                    }
-                    (false, true) => parallel::with_faces(mesh.edges, region),
-                    (false, false) => *region,
-                };
+                let region = if looks_beside { parallel::up_to_planes(mesh.edges, region) } else { *region };
                 mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
                     links_lost |= self.update_edge(&scene, edge, ends);
                 });

@@ -8,6 +8,9 @@
 //! each with its quarter's share of the cross-section. This lies between the harmonic and the arithmetic mean over the
 //! box, and where the surface is normal to the edge, or along it, it is the right one of these. Measured, with where it
 //! ceases to be the better rule: `docs/interface.md`.
+//!
+//! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
+//! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
 use super::coupling::EdgeRule;
 use super::{NO_OBJECT, Scene, Span, Surfaces};
@@ -40,13 +43,6 @@ const IN_FACE: f64 = 1e-9;
 fn in_face_distance(lattice: &Lattice) -> f64 {
     let size = |planes: &Vec<f64>| planes[planes.len() - 1] - planes[0];
     IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
-}
-
-/// A region with all edges that lie in a face of it.
-pub(super) fn with_faces(edges: &Edges, region: &Aabb) -> Aabb {
-    let Edges::Lattice(lattice) = edges else { return *region };
-    let distance = 2.0 * in_face_distance(lattice);
-    Aabb { min: region.min - distance, max: region.max + distance }
 }
 
 /// A region up to the next planes of the lattice: edges whose lines touch the region touch this box.
