@@ -67,6 +67,11 @@ pub trait Surfaces {
         false
     }
 
+    /// Whether an object has a flat face across an axis of the sensor frame, in which edges of a lattice may lie.
+    fn has_face_across(&self, _object: usize, _axis: usize) -> bool {
+        false
+    }
+
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
     /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
     fn find_changes(&self, before: &mut Earlier, _regions: &mut Regions) -> bool {
@@ -162,6 +167,8 @@ struct Scene<'a> {
     has_weak: bool,
     /// Whether there are conductors with exact surfaces on a lattice.
     has_silhouettes: bool,
+    /// Whether there are strong dielectrics with exact surfaces on a lattice.
+    has_faces: bool,
 }
 
 impl Scene<'_> {
@@ -280,8 +287,9 @@ impl Occupancy {
         let has_weak = parallel::is_of_use(mesh.edges, materials);
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
         let bounds = changes.bounds();
-        let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes };
-        let looks_beside = has_weak || has_silhouettes;
+        let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
+        let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
+        let looks_beside = has_weak || has_silhouettes || has_faces;
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
@@ -356,8 +364,15 @@ impl Occupancy {
             Some(through) => Coupling::only_through(through),
             None => {
                 let background = scene.mesh.permittivity.at(edge);
-                let rule = EdgeRule { owners, spans, materials: scene.materials, background };
-                let cut = rule.coupling(breaks);
+                let in_face = (scene.has_faces && owners == [NO_OBJECT; 2])
+                    .then(|| scene.in_face(edge, spans, beside, breaks));
+                let cut = match in_face.flatten() {
+                    Some(through) => Coupling::only_through(through),
+                    None => {
+                        let rule = EdgeRule { owners, spans, materials: scene.materials, background };
+                        rule.coupling(breaks)
+                    }
+                };
                 if scene.has_silhouettes {
                     scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
                 } else {

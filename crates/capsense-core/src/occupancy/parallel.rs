@@ -8,9 +8,12 @@
 //! each with its quarter's share of the cross-section. This lies between the harmonic and the arithmetic mean over the
 //! box, and where the surface is normal to the edge, or along it, it is the right one of these. Measured, with where it
 //! ceases to be the better rule: `docs/interface.md`.
+//!
+//! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
+//! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
 use super::coupling::EdgeRule;
-use super::{NO_OBJECT, Scene, Span};
+use super::{NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
@@ -26,6 +29,20 @@ pub(super) fn is_of_use(edges: &Edges, materials: &[Material]) -> bool {
 
 fn is_weak(material: &Material) -> bool {
     matches!(material, Material::Dielectric(permittivity) if permittivity.value() < WEAK)
+}
+
+/// Whether a face of some strong dielectric may hold edges of a lattice.
+pub(super) fn may_hold_edges(edges: &Edges, materials: &[Material], surfaces: &dyn Surfaces) -> bool {
+    let is_strong = |material: &Material| matches!(material, Material::Dielectric(_)) && !is_weak(material);
+    matches!(edges, Edges::Lattice(_)) && surfaces.are_exact() && materials.iter().any(is_strong)
+}
+
+/// Edges nearer to a face than this part of the lattice's size lie in it: far above rounding, far below any spacing.
+const IN_FACE: f64 = 1e-9;
+
+fn in_face_distance(lattice: &Lattice) -> f64 {
+    let size = |planes: &Vec<f64>| planes[planes.len() - 1] - planes[0];
+    IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
 }
 
 /// A region up to the next planes of the lattice: edges whose lines touch the region touch this box.
@@ -72,6 +89,48 @@ impl Scene<'_> {
             whole += share;
         }
         (whole > 0.0).then(|| sum / whole)
+    }
+
+    /// What multiplies the weight of an edge that lies in a face of a dielectric: the mean of what it would be a little to
+    /// either side of it, since half of its box is on each; `None` for all other edges. Off such a face the edge rule
+    /// goes on to take the edge as a whole.
+    pub(super) fn in_face(
+        &self,
+        edge: usize,
+        on_edge: &[(u16, Span)],
+        spans: &mut Vec<(u16, Span)>,
+        breaks: &mut Vec<f64>,
+    ) -> Option<f64> {
+        let Edges::Lattice(lattice) = self.mesh.edges else { return None };
+        let is_met = |object: usize| on_edge.iter().any(|(met, _)| usize::from(*met) == object);
+        let [from, to] = self.mesh.edges.ends(edge)?.map(|node| self.mesh.nodes[node as usize]);
+        let distance = in_face_distance(lattice);
+        let around = Aabb { min: from.min(to) - distance, max: from.max(to) + distance };
+        let across = [(edge % 3 + 1) % 3, (edge % 3 + 2) % 3];
+        let may_hold = |object: usize| {
+            !self.is_conductor(object)
+                && !is_met(object)
+                && self.bounds[object].intersects(&around)
+                && across.into_iter().any(|axis| self.surfaces.has_face_across(object, axis))
+        };
+        if !(0..self.bounds.len()).any(may_hold) {
+            return None;
+        }
+        let (mut sum, mut whole, mut lies_in_one) = (0.0, 0.0, false);
+        for ([start, _], share) in lines(lattice, edge) {
+            let mut beside = DVec3::ZERO;
+            across.into_iter().for_each(|axis| beside[axis] = distance.copysign((start - from)[axis]));
+            self.find_spans_between([from + beside, to + beside], spans);
+            if spans.iter().any(|(object, _)| self.is_conductor(usize::from(*object))) {
+                return None;
+            }
+            lies_in_one |= spans.iter().any(|(object, _)| !is_met(usize::from(*object)));
+            let background = self.mesh.permittivity.at(edge);
+            let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
+            sum += share * rule.coupling(breaks).through;
+            whole += share;
+        }
+        lies_in_one.then(|| sum / whole)
     }
 }
 

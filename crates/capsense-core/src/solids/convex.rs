@@ -10,6 +10,9 @@ use glam::{BVec3, DVec2, DVec3};
 /// a face in a plane of nodes holds either all or none of them, and opposite faces are alike.
 const SHRINK: f64 = 1e-12;
 
+/// Cosines of angles differ from 1 by less than this where the angle is none but for rounding.
+const ALIGNED: f64 = 1e-15;
+
 /// A convex solid about the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Convex {
@@ -51,6 +54,16 @@ impl Convex {
             Self::Cylinder { radius, half_length } => {
                 point.truncate().length_squared() < radius * radius && point.z.abs() < half_length
             }
+        }
+    }
+
+    /// Whether a direction is that of the normal of a flat face, but for rounding.
+    pub(super) fn has_face_across(&self, direction: DVec3) -> bool {
+        let is_along = |axis: f64| 1.0 - axis.abs() < ALIGNED;
+        match self {
+            Self::Box(_) => direction.to_array().into_iter().any(is_along),
+            Self::Capsule { .. } => false,
+            Self::Cylinder { .. } => is_along(direction.z),
         }
     }
 

@@ -237,6 +237,12 @@ impl Surfaces for Solids {
         true
     }
 
+    fn has_face_across(&self, object: usize, axis: usize) -> bool {
+        let Body::Convex(convex) = &self.solids[object].body else { return false };
+        let across = self.placed[object].object_from_sensor.col(axis);
+        convex.has_face_across(across)
+    }
+
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
         let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
         let Some(earlier) = before.poses_of(&self.identity) else {

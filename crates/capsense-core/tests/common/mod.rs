@@ -2,9 +2,11 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+pub mod cubic;
 pub mod half_spaces;
 pub mod shapes;
 pub mod updater;
+pub mod walled;
 
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::{Electrode, Outline};
