@@ -134,7 +134,10 @@ fn a_depth_that_is_no_surface_is_told_and_forgotten() {
 #[test]
 fn what_no_sensor_can_be_made_of_is_told() {
     let design = three_stripes();
-    assert_eq!(design.lattice_of_spacing(-1.0).unwrap_err(), SensorError::Lattice(InvalidAxis { axis: 0 }));
+    assert_eq!(
+        design.lattice_of_spacing(-1.0, 1.3).unwrap_err(),
+        SensorError::Lattice(InvalidAxis { axis: 0 })
+    );
     let [x, y, _] = stripes_sensor(4_000).lattice().unwrap().axes().clone();
     let flat = Lattice::new([x, y, vec![-0.05, 0.0, f64::MIN_POSITIVE, 0.45]]).unwrap();
     let error = Sensor::on_lattice(&design, &flat).unwrap_err();

@@ -194,7 +194,7 @@ fn sides_along_an_axis_are_planes_and_oblique_ones_fine_intervals() {
         electrodes: vec![Electrode { name: "E".into(), outline, z: 0.0 }],
         substrate: None,
     }
-    .lattice_of_spacing(0.004)
+    .lattice_of_spacing(0.004, 1.3)
     .unwrap();
     for (axis, plane) in [(0, 0.01), (0, 0.02), (0, 0.036), (1, 0.005), (1, 0.015)] {
         assert!(lattice.axes()[axis].iter().any(|x| (x - plane).abs() < 1e-9), "{axis} {plane}");

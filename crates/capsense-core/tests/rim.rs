@@ -83,7 +83,7 @@ fn capacitances_grow_smoothly_with_the_electrode() {
 #[test]
 fn stripes_have_the_capacitances_of_the_references() {
     let design = three_stripes();
-    let lattice = design.lattice_of_spacing(2.5e-3).unwrap();
+    let lattice = design.lattice_of_spacing(2.5e-3, 1.3).unwrap();
     let on_lattice = Sensor::on_lattice(&design, &lattice).unwrap();
     let nodes_of = |terminal: u16| -> Vec<u32> {
         (0..)

@@ -152,7 +152,7 @@ fn a_disk_whose_rim_cuts_edges_is_nearly_as_large_as_it_is() {
     // self-capacitance must not jump as the number of nodes inside does.
     let capacitance = |radius: f64| {
         let design = with(vec![disk(0.03)]);
-        let lattice = design.lattice_of_spacing(0.006).unwrap();
+        let lattice = design.lattice_of_spacing(0.006, 1.3).unwrap();
         let sensor = Sensor::on_lattice(&with(vec![disk(radius)]), &lattice).unwrap();
         Simulator::new(sensor, vec![], EXACT).unwrap().base().get(0, 0)
     };

@@ -79,9 +79,15 @@ pub fn cubes(domain: Aabb, size: f64) -> Lattice {
 
 impl WalledBox {
     pub fn new(lattice: &Lattice, bodies: &[Body], rule: Rule) -> Self {
+        Self::with_walls_across([true; 3], lattice, bodies, rule)
+    }
+
+    /// The same with walls across some axes only; the other sides are insulated.
+    pub fn with_walls_across(axes: [bool; 3], lattice: &Lattice, bodies: &[Body], rule: Rule) -> Self {
         let nodes = lattice.to_tet_mesh().unwrap().nodes().to_vec();
         let domain = Aabb::around(nodes.iter().copied());
-        let is_wall = |p: &DVec3| p.cmpeq(domain.min).any() || p.cmpeq(domain.max).any();
+        let at_side = |p: &DVec3, axis: usize| p[axis] == domain.min[axis] || p[axis] == domain.max[axis];
+        let is_wall = |p: &DVec3| (0..3).any(|axis| axes[axis] && at_side(p, axis));
         let on_wall: Vec<bool> = nodes.iter().map(is_wall).collect();
         let terminals: Vec<_> = on_wall.iter().map(|&wall| if wall { GROUND } else { FREE }).collect();
         let network = EdgeNetwork::assemble_lattice(lattice, &Background::vacuum(lattice.tet_count()));

@@ -1,0 +1,122 @@
+//! The field around a right-angled edge of a conductor, r^(2/3) sin(2θ/3), on cells that know nothing of where the edge is.
+//!
+//! In a plane, the potential of the exact field is given on the walls of a box, and the energy of what the lattice makes of
+//! it compared with that of the exact field. The difference is what the edge seems to be too large or too small.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::geometry::{Pose, Shape};
+use capsense_core::glam::{DVec2, DVec3};
+use capsense_core::material::Connection;
+use capsense_core::mesh::Lattice;
+use common::conductor;
+use common::walled::{Body, Held, Rule, WalledBox};
+use std::f64::consts::PI;
+
+/// Half the number of cells across the box.
+const HALF: i32 = 12;
+
+/// The conductor fills x < vertex.x, z > vertex.y.
+struct Wedge {
+    vertex: DVec2,
+    cell: DVec2,
+}
+
+impl Wedge {
+    /// Distance from the vertex, and angle from the face below to that at the side.
+    fn polar(&self, p: DVec2) -> [f64; 2] {
+        let from = p - self.vertex;
+        let angle = (-from.y).atan2(-from.x);
+        [from.length(), if angle < -1e-12 { angle + 2.0 * PI } else { angle }]
+    }
+
+    fn contains(&self, p: DVec2) -> bool {
+        p.x < self.vertex.x && p.y > self.vertex.y
+    }
+
+    fn potential(&self, p: DVec2) -> f64 {
+        let [r, angle] = self.polar(p);
+        if self.contains(p) { 0.0 } else { r.powf(2.0 / 3.0) * (2.0 / 3.0 * angle).sin() }
+    }
+
+    /// Of which the differences are fluxes.
+    fn stream(&self, p: DVec2) -> f64 {
+        let [r, angle] = self.polar(p);
+        r.powf(2.0 / 3.0) * (2.0 / 3.0 * angle).cos()
+    }
+
+    /// ∮ u ∂u/∂n along the box, u taken at nodes and the flux of what is outside the conductor between half-way points.
+    fn energy(&self) -> f64 {
+        let mut sum = 0.0;
+        let last = f64::from(HALF);
+        for side in 0..4 {
+            let along = side % 2;
+            let at = |t: f64| {
+                let fixed = if side < 2 { -last } else { last };
+                self.cell * if along == 0 { DVec2::new(t, fixed) } else { DVec2::new(fixed, t) }
+            };
+            let outward = at(0.0).normalize();
+            for node in -HALF..=HALF {
+                let node = f64::from(node);
+                let mut ends = [(node - 0.5).max(-last), (node + 0.5).min(last)].map(at);
+                if ends.iter().all(|&end| self.contains(end)) {
+                    continue;
+                }
+                for end in &mut ends {
+                    if self.contains(*end) {
+                        end[along] = self.vertex[along];
+                    }
+                }
+                let middle = 0.5 * (ends[0] + ends[1]);
+                let slope = self.potential(middle + 1e-4 * outward) - self.potential(middle - 1e-4 * outward);
+                let flux = (self.stream(ends[0]) - self.stream(ends[1])).abs().copysign(slope);
+                sum += self.potential(at(node)) * flux;
+            }
+        }
+        sum
+    }
+
+    fn energy_on_lattice(&self, rule: Rule) -> f64 {
+        let axis = |cell: f64| (-HALF..=HALF).map(|k| f64::from(k) * cell).collect::<Vec<_>>();
+        let lattice = Lattice::new([axis(self.cell.x), vec![0.0, 1.0], axis(self.cell.y)]).unwrap();
+        let size = 1e3;
+        let centre = DVec3::new(self.vertex.x - 0.5 * size, 0.5, self.vertex.y + 0.5 * size);
+        let body = Body {
+            shape: Shape::Box { size: DVec3::splat(size) },
+            pose: Pose::at(centre),
+            material: conductor(Connection::Grounded),
+        };
+        let walled = WalledBox::with_walls_across([true, false, true], &lattice, &[body], rule);
+        let wall = |p: DVec3| self.potential(DVec2::new(p.x, p.z));
+        walled.solve(&[Held { wall: &wall, bodies: &[0.0] }]).energy(0, 0)
+    }
+}
+
+/// Mean and standard deviation, over places of the vertex in a cell, of how much too large the energy is.
+fn excess(cell: DVec2, rule: Rule) -> [f64; 2] {
+    let parts = [0.1, 0.3, 0.5, 0.7, 0.9];
+    let places = parts.iter().flat_map(|&x| parts.map(|y| DVec2::new(x, y)));
+    let excesses: Vec<f64> = places
+        .map(|place| {
+            let wedge = Wedge { vertex: place * cell, cell };
+            // Energies of the field grow with the 4/3rd power of lengths.
+            (wedge.energy_on_lattice(rule) - wedge.energy()) / (cell.x * cell.y).powf(2.0 / 3.0)
+        })
+        .collect();
+    let mean = excesses.iter().sum::<f64>() / excesses.len() as f64;
+    let variance = excesses.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / excesses.len() as f64;
+    [mean, variance.sqrt()]
+}
+
+#[test]
+fn edges_of_conductors_are_in_the_mean_where_they_are() {
+    for (cell, bound) in [(DVec2::ONE, 0.015), (DVec2::new(2.0, 1.0), 0.025), (DVec2::new(1.0, 3.0), 0.045)] {
+        let [mean, spread] = excess(cell, Rule::Silhouettes);
+        let [mean_alone, spread_alone] = excess(cell, Rule::EdgesAlone);
+        println!("{cell}: {mean:.3} ± {spread:.3}, edges alone {mean_alone:.3} ± {spread_alone:.3}");
+        assert!(mean.abs() < bound, "{cell}: {mean}");
+        assert!(mean_alone < -0.15 && spread < 0.65 * spread_alone, "{cell}: {spread} {spread_alone}");
+    }
+}
