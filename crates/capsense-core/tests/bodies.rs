@@ -82,6 +82,11 @@ fn assert_below(errors: &[f64], allowed: &[f64]) {
     assert!(errors.iter().zip(allowed).all(|(e, allowed)| e.abs() < *allowed), "{errors:?} {allowed:?}");
 }
 
+/// Round bodies have no walls along edges for the lattice to look at.
+fn assert_same(edges: &[f64], silhouettes: &[f64]) {
+    assert!(edges.iter().zip(silhouettes).all(|(a, b)| (a - b).abs() < 2e-4), "{edges:?} {silhouettes:?}");
+}
+
 fn percent(errors: &[f64]) -> String {
     errors.iter().map(|error| format!("{:+.2}", 100.0 * error)).collect::<Vec<_>>().join(", ")
 }
@@ -105,7 +110,7 @@ fn a_grounded_sphere_over_a_plane() {
     println!("over a plane: edges alone {}, lattice {}", percent(&edges), percent(&silhouettes));
     assert_order(&edges, &CELLS, 1.5);
     assert_below(&edges, &[9e-3, 3.5e-3, 2e-3]);
-    assert_below(&silhouettes, &[2.5e-3, 1e-3, 1e-3]);
+    assert_same(&edges, &silhouettes);
 }
 
 /// The Maxwell matrix of two spheres of radius 1, 4 apart, and what is left of it when one of them floats.
@@ -137,22 +142,22 @@ fn two_spheres_grounded_and_floating() {
         println!("two spheres, {name}: edges alone {}, lattice {}", percent(&edges), percent(&silhouettes));
         assert_order(&edges, &CELLS, 1.4);
         assert_below(&edges, &[9e-3, 3.5e-3, 2e-3]);
-        assert_below(&silhouettes, &[2e-3, 1.4e-3, 1.2e-3]);
+        assert_same(&edges, &silhouettes);
     }
 }
 
 /// A sphere in the middle of a grounded cube of side 1.
 #[test]
 fn a_sphere_in_a_grounded_cube() {
-    // Radius, digits of a computation with more multipoles, and what errors on either lattice may be.
+    // Radius, digits of a computation with more multipoles, and what errors may be.
     let known = [
-        (0.2, 0.307462972732, [1.5e-2, 5e-3, 2.5e-3], [1.6e-2, 3e-3, 8e-4]),
-        (0.25, 0.443980442323, [9e-3, 4e-3, 1.6e-3], [4e-3, 4e-3, 1.6e-3]),
-        (0.3, 0.630782176522, [5e-3, 2.2e-3, 1.1e-3], [7e-3, 4e-3, 1e-3]),
+        (0.2, 0.307462972732, [1.5e-2, 5e-3, 2.5e-3]),
+        (0.25, 0.443980442323, [9e-3, 4e-3, 1.6e-3]),
+        (0.3, 0.630782176522, [5e-3, 2.2e-3, 1.1e-3]),
     ];
     let cells = [17, 25, 37];
     let cube = Aabb { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) };
-    for (radius, digits, of_edges, of_silhouettes) in known {
+    for (radius, digits, allowed) in known {
         let exact = cubic::capacitance(radius);
         assert!((exact / digits - 1.0).abs() < 3e-6, "{radius}: {exact}");
         let errors = |rule| {
@@ -170,8 +175,8 @@ fn a_sphere_in_a_grounded_cube() {
             percent(&silhouettes)
         );
         assert_order(&edges, &cells.map(|cells| cells as f64), 1.5);
-        assert_below(&edges, &of_edges);
-        assert_below(&silhouettes, &of_silhouettes);
+        assert_below(&edges, &allowed);
+        assert_same(&edges, &silhouettes);
     }
 }
 

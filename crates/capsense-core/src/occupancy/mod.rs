@@ -155,6 +155,8 @@ struct Scratch {
     /// The frame in which each edge was last looked at; regions overlap.
     edge_seen: Vec<u8>,
     frame: u8,
+    /// Whether edges of the frame before depend on what is beside them.
+    looked_beside: bool,
 }
 
 /// Where everything is in one frame.
@@ -247,6 +249,7 @@ impl Occupancy {
                 node_changed: vec![false; nodes],
                 edge_seen: vec![0; edges],
                 frame: 0,
+                looked_beside: false,
             },
             elements: None,
             negative: None,
@@ -290,6 +293,8 @@ impl Occupancy {
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
         let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
         let looks_beside = has_weak || has_silhouettes || has_faces;
+        // What was left beside surfaces in the frame before goes with them.
+        let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
