@@ -72,6 +72,11 @@ pub trait Surfaces {
         false
     }
 
+    /// Whether an object may have an edge, where its surface turns abruptly, in a box.
+    fn has_edge_in(&self, _object: usize, _bounds: &Aabb) -> bool {
+        true
+    }
+
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
     /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
     fn find_changes(&self, before: &mut Earlier, _regions: &mut Regions) -> bool {
@@ -154,6 +159,8 @@ struct Scratch {
     node_changed: Vec<bool>,
     /// The frame in which each edge was last looked at; regions overlap.
     edge_seen: Vec<u8>,
+    /// The same for edges beside what changed of which it was asked whether they stay as they are.
+    edge_passed: Vec<u8>,
     frame: u8,
     /// Whether edges of the frame before depend on what is beside them.
     looked_beside: bool,
@@ -248,6 +255,7 @@ impl Occupancy {
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edge_seen: vec![0; edges],
+                edge_passed: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
             },
@@ -292,6 +300,7 @@ impl Occupancy {
         let bounds = changes.bounds();
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
         let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
+        let only_walls_matter = has_silhouettes && !has_weak && !has_faces;
         let looks_beside = has_weak || has_silhouettes || has_faces;
         // What was left beside surfaces in the frame before goes with them.
         let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;
@@ -306,9 +315,16 @@ impl Occupancy {
                 });
             }
             for region in changes.regions() {
-                let region = if looks_beside { parallel::up_to_planes(mesh.edges, region) } else { *region };
-                mesh.edges.for_edges_near(mesh.nodes, &region, |edge, ends| {
+                mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
                     links_lost |= self.update_edge(&scene, edge, ends);
+                });
+            }
+            for region in changes.regions().iter().filter(|_| looks_beside) {
+                let around = parallel::up_to_planes(mesh.edges, region);
+                mesh.edges.for_edges_near(mesh.nodes, &around, |edge, ends| {
+                    if !(only_walls_matter && self.stays_plain(&scene, edge)) {
+                        links_lost |= self.update_edge(&scene, edge, ends);
+                    }
                 });
             }
         }
@@ -333,6 +349,7 @@ impl Occupancy {
         if scratch.frame == 0 {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
+            scratch.edge_passed.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
             self.negative.iter_mut().for_each(|negative| negative.forget_frames());
             scratch.frame = 1;
@@ -351,6 +368,14 @@ impl Occupancy {
             self.changed_nodes.push(node as u32);
             self.scratch.node_changed[node] = true;
         }
+    }
+
+    /// Whether an edge beside what changed of conductors is plain and none of them has an edge near.
+    fn stays_plain(&mut self, scene: &Scene<'_>, edge: usize) -> bool {
+        let Scratch { edge_seen, edge_passed, frame, .. } = &mut self.scratch;
+        edge_seen[edge] == *frame
+            || std::mem::replace(&mut edge_passed[edge], *frame) == *frame
+            || (self.couplings[edge] == Coupling::PLAIN && !scene.has_silhouette_near(edge))
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.

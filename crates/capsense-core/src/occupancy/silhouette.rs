@@ -15,7 +15,7 @@
 //!
 //! All this is for walls along the edge, which end a face abruptly. Where a face merely slants or bends, the edge rule by
 //! itself is of second order, and stays. What tells the two apart is whether the conductor is as wide at the face as it is
-//! deeper inside.
+//! deeper inside. Where a conductor has no edge near, nothing is asked.
 
 use super::coupling::{EdgeRule, SMALLEST_PART};
 use super::{Coupling, NO_OBJECT, Scene, Span};
@@ -29,10 +29,11 @@ use glam::DVec3;
 /// 0.08 and 0.07 (`tests/fringe.rs`). A sheet much thinner than a cell would ask for 0.1 to 0.3.
 const FRINGE: f64 = 0.09;
 
-/// One of the two axes across an edge: from the edge to the middles of the box's sides, below and above it.
+/// One of the two axes across an edge.
+#[derive(Clone, Copy)]
 struct Across {
-    sides: [Option<DVec3>; 2],
-    /// The width of the box to either side.
+    axis: usize,
+    /// The width of the box below and above the edge; zero at the wall.
     widths: [f64; 2],
     /// How much further than it does a conductor is taken to reach.
     fringe: f64,
@@ -65,39 +66,29 @@ impl Tube {
         let (node, axis) = (edge / 3, edge % 3);
         let place = lattice.node_place(node);
         let planes = lattice.axes();
-        let from = DVec3::from_array(std::array::from_fn(|axis| planes[axis][place[axis]]));
+        let from = DVec3::new(planes[0][place[0]], planes[1][place[1]], planes[2][place[2]]);
         let mut to = from;
         to[axis] = *planes[axis].get(place[axis] + 1)?;
-        let neighbour = |axis: usize, index: Option<usize>| index.and_then(|i| planes[axis].get(i)).copied();
         let length = to[axis] - from[axis];
-        let across = [(axis + 1) % 3, (axis + 2) % 3].map(|across| {
-            let sides = [place[across].checked_sub(1), Some(place[across] + 1)].map(|index| {
-                neighbour(across, index).map(|plane| {
-                    let mut side = DVec3::ZERO;
-                    side[across] = 0.5 * (plane - from[across]);
-                    side
-                })
-            });
-            let widths = sides.map(|side| side.map_or(0.0, |side| side.abs().max_element()));
+        let across = |axis: usize| {
+            let (planes, index) = (&planes[axis], place[axis]);
+            let below = if index > 0 { 0.5 * (planes[index] - planes[index - 1]) } else { 0.0 };
+            let above = planes.get(index + 1).map_or(0.0, |next| 0.5 * (next - planes[index]));
             // No further than to the next node: up to there what changed is looked for.
-            let narrowest = widths.into_iter().filter(|width| *width > 0.0).fold(f64::INFINITY, f64::min);
-            let fringe = (FRINGE * length.max(widths[0] + widths[1])).min(narrowest);
-            Across { sides, widths, fringe }
-        });
-        Some(Self { from, to, length, across })
+            let most = if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) };
+            Across { axis, widths: [below, above], fringe: (FRINGE * length.max(below + above)).min(most) }
+        };
+        Some(Self { from, to, length, across: [across((axis + 1) % 3), across((axis + 2) % 3)] })
     }
 
     /// All from where a conductor reaches the box.
     fn bounds(&self) -> Aabb {
-        let mut bounds = Aabb { min: self.from, max: self.to };
-        for across in &self.across {
-            for (side, _) in across.existing() {
-                let reach = across.reach(side) * side;
-                bounds =
-                    Aabb { min: bounds.min.min(self.from + reach), max: bounds.max.max(self.to + reach) };
-            }
+        let (mut min, mut max) = (self.from, self.to);
+        for Across { axis, widths, fringe } in self.across {
+            min[axis] -= widths[0] + fringe;
+            max[axis] += widths[1] + fringe;
         }
-        bounds
+        Aabb { min, max }
     }
 
     /// A point of a span of the edge.
@@ -122,22 +113,31 @@ impl Tube {
 }
 
 impl Across {
-    /// The sides that are not at the wall, with their number.
-    fn existing(&self) -> impl Iterator<Item = (DVec3, usize)> {
-        self.sides.iter().zip(0..).filter_map(|(side, number)| Some(((*side)?, number)))
+    /// From the edge to the middle of a side of its box; `None` at the wall.
+    fn side(&self, number: usize) -> Option<DVec3> {
+        let mut side = DVec3::ZERO;
+        side[self.axis] = if number == 0 { -self.widths[0] } else { self.widths[1] };
+        (self.widths[number] > 0.0).then_some(side)
     }
 
     fn width(&self) -> f64 {
         self.widths[0] + self.widths[1]
     }
-
-    /// From where a conductor reaches the box, in parts of the way to its side.
-    fn reach(&self, side: DVec3) -> f64 {
-        1.0 + self.fringe / side.abs().max_element()
-    }
 }
 
 impl Scene<'_> {
+    /// Whether a conductor has an edge in the box around an edge of the lattice.
+    pub(super) fn has_silhouette_near(&self, edge: usize) -> bool {
+        let Edges::Lattice(lattice) = self.mesh.edges else { return false };
+        let Some(tube) = Tube::of(lattice, edge) else { return false };
+        let bounds = tube.bounds();
+        (0..self.bounds.len()).any(|object| self.is_conductor(object) && self.has_edge_in(object, &bounds))
+    }
+
+    fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
+        self.bounds[object].intersects(bounds) && self.surfaces.has_edge_in(object, bounds)
+    }
+
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
     /// spans of the edge, `others` working storage.
     pub(super) fn at_silhouette(
@@ -156,7 +156,7 @@ impl Scene<'_> {
         let Some(tube) = Tube::of(lattice, edge) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
-            (Some(&(object, span)), None) => {
+            (Some(&(object, span)), None) if self.surfaces.has_edge_in(object.into(), &tube.bounds()) => {
                 let part = self.part_covered(&tube, usize::from(object), span);
                 if part >= 1.0 {
                     return cut;
@@ -175,18 +175,21 @@ impl Scene<'_> {
 
     /// The part of a box around an edge that meets the conductor which the edge meets.
     fn part_covered(&self, tube: &Tube, object: usize, span: Span) -> f64 {
-        let parts = tube.across.each_ref().map(|across| {
-            let covered = |(side, number): (DVec3, usize)| {
+        let mut least = 1.0_f64;
+        for across in &tube.across {
+            let mut covered = 0.0;
+            for (number, width) in across.widths.into_iter().enumerate() {
+                let Some(side) = across.side(number) else { continue };
                 let reach = self.width_across(object, tube.point_in(span, 0.5), side);
-                if reach >= 1.0 {
-                    return across.widths[number];
+                let missing = (width * (1.0 - reach) - across.fringe).max(0.0);
+                covered += width;
+                if missing > 0.0 {
+                    covered -= missing * self.abruptness(tube, object, span, side);
                 }
-                let missing = (across.widths[number] * (1.0 - reach) - across.fringe).max(0.0);
-                across.widths[number] - missing * self.abruptness(tube, object, span, side)
-            };
-            across.existing().map(covered).sum::<f64>() / across.width()
-        });
-        parts[0].min(parts[1])
+            }
+            least = least.min(covered / across.width());
+        }
+        least
     }
 
     /// How much of a ray a conductor fills.
@@ -211,10 +214,13 @@ impl Scene<'_> {
         let mut near = (0..self.bounds.len())
             .filter(|&object| self.is_conductor(object) && self.bounds[object].intersects(&bounds));
         let (Some(object), None) = (near.next(), near.next()) else { return plain };
+        if !self.surfaces.has_edge_in(object, &bounds) {
+            return plain;
+        }
         let mut most = Beside::default();
         for across in &tube.across {
             let mut sum = Beside::default();
-            for (_, number) in across.existing() {
+            for number in 0..2 {
                 let beside = self.beside_towards(tube, object, across, number);
                 sum.taken += beside.taken;
                 (0..2).for_each(|end| sum.links[end] += beside.links[end]);
@@ -230,8 +236,8 @@ impl Scene<'_> {
     }
 
     fn beside_towards(&self, tube: &Tube, object: usize, across: &Across, number: usize) -> Beside {
-        let Some(side) = across.sides[number] else { return Beside::default() };
-        let reach = across.reach(side);
+        let Some(side) = across.side(number) else { return Beside::default() };
+        let reach = 1.0 + across.fringe / across.widths[number];
         let Some((span, found)) = self.probe(tube, object, reach * side) else { return Beside::default() };
         let place = |part: f64| part * reach * across.widths[number];
         let distance = place(found.enter);

@@ -67,6 +67,22 @@ impl Convex {
         }
     }
 
+    /// Whether an edge, where faces meet, may be in a box of half size `half` about a point.
+    pub(super) fn has_edge_near(&self, centre: DVec3, half: DVec3) -> bool {
+        match *self {
+            Self::Box(size) => {
+                let outside = centre.abs() - size;
+                let at_faces = outside.abs().cmple(half).bitmask().count_ones();
+                at_faces >= 2 && outside.cmple(half).all()
+            }
+            Self::Capsule { .. } => false,
+            Self::Cylinder { radius, half_length } => {
+                let from_rim = centre.truncate().length() - radius;
+                (centre.z.abs() - half_length).abs() <= half.z && from_rim.abs() <= half.truncate().length()
+            }
+        }
+    }
+
     /// The parameters between which the line `start` + t `along` is inside; the first is not above the second.
     #[inline]
     pub(super) fn interval(&self, start: DVec3, along: DVec3) -> Option<Interval> {

@@ -17,18 +17,23 @@ use bvh::bounding_hierarchy::BHShape;
 use bvh::bvh::Bvh;
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D, orient2d, orient3d};
+use std::cell::Cell;
+use std::collections::BTreeMap;
 
 /// Points nearer to the surface than this part of its size are on it, and so outside.
 const ON_SURFACE: f64 = 1e-12;
 
+/// Cosine of the angle by which a surface turns abruptly: 45 degrees.
+const ABRUPT: f64 = 0.707;
+
 /// Parts of a segment shorter than this are taken for rounding.
 const NO_LENGTH: f64 = 1e-9;
 
-/// A box of the tree, and the triangle in it if it holds but one.
+/// A box of the tree, and the triangle, or the edge, in it if it holds but one.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     bounds: Aabb,
-    triangle: Option<u32>,
+    leaf: Option<u32>,
     exit: u32,
 }
 
@@ -37,6 +42,8 @@ struct Node {
 pub(super) struct Enclosed {
     triangles: Vec<[DVec3; 3]>,
     nodes: Vec<Node>,
+    /// Boxes around the edges at which the surface turns abruptly.
+    edges: Vec<Node>,
     bounds: Aabb,
     /// Distance from the surface at which points are on it, in metres.
     thickness: f64,
@@ -52,9 +59,10 @@ enum Place {
 impl Enclosed {
     pub(super) fn new(triangles: Vec<[DVec3; 3]>) -> Self {
         let bounds = Aabb::around(triangles.iter().flatten().copied());
-        let nodes = tree(&triangles);
+        let nodes = tree(triangles.iter().map(|corners| Aabb::around(*corners)));
+        let edges = tree(abrupt_edges(&triangles).into_iter().map(Aabb::around));
         let thickness = ON_SURFACE * bounds.size().length();
-        Self { triangles, nodes, bounds, thickness }
+        Self { triangles, nodes, edges, bounds, thickness }
     }
 
     pub(super) fn bounds(&self) -> Aabb {
@@ -67,6 +75,14 @@ impl Enclosed {
 
     pub(super) fn contains(&self, point: DVec3) -> bool {
         self.place(point) == Place::Inside
+    }
+
+    /// Whether the surface may turn abruptly in a box of half size `half` about a point.
+    pub(super) fn has_edge_near(&self, centre: DVec3, half: DVec3) -> bool {
+        let wanted = Aabb { min: centre - half, max: centre + half };
+        let found = Cell::new(false);
+        for_leaves(&self.edges, |bounds| !found.get() && bounds.intersects(&wanted), |_| found.set(true));
+        found.get()
     }
 
     /// The part of a segment from where it first enters to where it last leaves.
@@ -172,19 +188,44 @@ impl Enclosed {
 
     /// Visits the triangles whose boxes are wanted.
     #[inline]
-    fn for_triangles(&self, wanted: impl Fn(&Aabb) -> bool, mut visit: impl FnMut(&[DVec3; 3])) {
-        let mut at = 0;
-        while let Some(node) = self.nodes.get(at) {
-            if !wanted(&node.bounds) {
-                at = node.exit as usize;
-                continue;
+    fn for_triangles(&self, wanted: impl FnMut(&Aabb) -> bool, mut visit: impl FnMut(&[DVec3; 3])) {
+        for_leaves(&self.nodes, wanted, |triangle| visit(&self.triangles[triangle as usize]));
+    }
+}
+
+/// Visits the leaves of a tree whose boxes, and those around them, are wanted.
+#[inline]
+fn for_leaves(nodes: &[Node], mut wanted: impl FnMut(&Aabb) -> bool, mut visit: impl FnMut(u32)) {
+    let mut at = 0;
+    while let Some(node) = nodes.get(at) {
+        if !wanted(&node.bounds) {
+            at = node.exit as usize;
+            continue;
+        }
+        if let Some(leaf) = node.leaf {
+            visit(leaf);
+        }
+        at += 1;
+    }
+}
+
+/// The edges of a closed surface at which it turns by more than [`ABRUPT`].
+fn abrupt_edges(triangles: &[[DVec3; 3]]) -> Vec<[DVec3; 2]> {
+    let mut normals = BTreeMap::new();
+    let mut found = Vec::new();
+    for &[a, b, c] in triangles {
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            // The other triangle has the edge the other way round.
+            let key = |from: DVec3, to: DVec3| [from, to].map(|end| end.to_array().map(f64::to_bits));
+            match normals.remove(&key(to, from)) {
+                Some(other) if normal.dot(other) < ABRUPT => found.push([from, to]),
+                Some(_) => {}
+                None => drop(normals.insert(key(from, to), normal)),
             }
-            if let Some(triangle) = node.triangle {
-                visit(&self.triangles[triangle as usize]);
-            }
-            at += 1;
         }
     }
+    found
 }
 
 /// Whether the ray from a point along +z leaves through a triangle.
@@ -277,7 +318,7 @@ fn distance(point: DVec3, &[a, b, c]: &[DVec3; 3]) -> f64 {
     }
 }
 
-/// A triangle's box, for the tree.
+/// A box of a triangle or of an edge, for the tree.
 struct Leaf {
     bounds: Aabb,
     node: usize,
@@ -299,17 +340,20 @@ impl BHShape<f64, 3> for Leaf {
     }
 }
 
-fn tree(triangles: &[[DVec3; 3]]) -> Vec<Node> {
-    let leaf = |corners: &[DVec3; 3]| Leaf { bounds: Aabb::around(*corners), node: 0 };
-    let mut leaves: Vec<Leaf> = triangles.iter().map(leaf).collect();
-    // A leaf comes without its box, which is that of its triangle.
+/// A tree over boxes.
+fn tree(boxes: impl Iterator<Item = Aabb>) -> Vec<Node> {
+    let mut leaves: Vec<Leaf> = boxes.map(|bounds| Leaf { bounds, node: 0 }).collect();
+    if leaves.is_empty() {
+        return Vec::new();
+    }
+    // A leaf comes without its box.
     Bvh::build(&mut leaves).flatten_custom(&|bounds: &bvh::aabb::Aabb<f64, 3>, entry, exit, shape: u32| {
         if entry == u32::MAX {
-            return Node { bounds: leaves[shape as usize].bounds, triangle: Some(shape), exit };
+            return Node { bounds: leaves[shape as usize].bounds, leaf: Some(shape), exit };
         }
         let corner = |point: &[f64; 3]| DVec3::from_array(*point);
         let bounds =
             Aabb { min: corner(bounds.min.coords.as_ref()), max: corner(bounds.max.coords.as_ref()) };
-        Node { bounds, triangle: None, exit }
+        Node { bounds, leaf: None, exit }
     })
 }

@@ -243,6 +243,18 @@ impl Surfaces for Solids {
         convex.has_face_across(across)
     }
 
+    fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
+        let placed = &self.placed[object];
+        let centre = placed.local(0.5 * (bounds.min + bounds.max));
+        let half = 0.5 * bounds.size();
+        let turned = placed.object_from_sensor;
+        let half = (0..3).map(|axis| turned.col(axis).abs() * half[axis]).sum();
+        match &self.solids[object].body {
+            Body::Convex(convex) => convex.has_edge_near(centre, half),
+            Body::Enclosed(enclosed) => enclosed.has_edge_near(centre, half),
+        }
+    }
+
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
         let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
         let Some(earlier) = before.poses_of(&self.identity) else {
