@@ -301,6 +301,30 @@ fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
     }
 }
 
+/// The more polarisable a body is, the more it is a floating conductor; and the more of what a step does inside of it is
+/// rounding, which must not be taken for an indefinite matrix.
+#[test]
+fn a_dielectric_of_any_strength_is_a_floating_conductor() {
+    let thin = bar(0.05, 0.0);
+    let block = seen(&[Aabb { max: thin.max.with_z(0.15), ..thin }]);
+    for tets in (0..8).map(|step| 30_000 + 5_000 * step) {
+        let sensor = stripes_sensor(tets);
+        let mut floating = Simulator::new(sensor.clone(), vec![FLOATING], to(TOLERANCE)).unwrap();
+        let _ = floating.step(&block).unwrap();
+        for permittivity in [1e7, 1e8, 1e9, 1e10] {
+            for tolerance in [1e-4, TOLERANCE] {
+                let materials = vec![dielectric(permittivity)];
+                let mut simulator = Simulator::new(sensor.clone(), materials, to(tolerance)).unwrap();
+                let report = simulator.step(&block).unwrap().solve;
+                let error = relative_error(simulator.capacitance(), floating.capacitance());
+                let case = format!("{tets}, {permittivity:e}, {tolerance:e}");
+                assert!(error < 3.0 * tolerance + 1.0 / permittivity, "{case}: {error:e}");
+                assert!(report.iterations < 40, "{case}: {report:?}");
+            }
+        }
+    }
+}
+
 /// A plate that takes the place of another leaves all weights as they were, but not where its links lead.
 #[test]
 fn an_object_in_the_place_of_another_counts_for_itself() {
