@@ -353,7 +353,14 @@ pub(crate) fn nothing_there(
     if interface == Interface::EdgeCut && !materials.iter().any(is_dielectric) {
         let network = EdgeNetwork::of_sensor(sensor);
         let occupancy = Occupancy::empty(sensor.mesh().nodes().len(), network.edges().len());
-        return (network, occupancy);
+        // A single conductor leaves negative weights as they are.
+        return match materials.len() {
+            0 | 1 => (network, occupancy),
+            _ => {
+                let occupancy = occupancy.with_negative_weights(sensor.mesh(), network.edges());
+                (network, occupancy)
+            }
+        };
     }
     let network = EdgeNetwork::of_sensor_elements(sensor);
     let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())

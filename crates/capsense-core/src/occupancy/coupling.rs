@@ -38,6 +38,17 @@ impl Coupling {
         links.filter(|&(_, object, _)| object != NO_OBJECT)
     }
 
+    /// That of an edge which weighs more or less by a factor.
+    pub(super) fn scaled(self, part: f64) -> Self {
+        Self { through: part * self.through, factor: self.factor.map(|factor| part * factor), ..self }
+    }
+
+    /// Whether the edge, its ends held by `owners`, meets two different conductors.
+    pub(super) fn meets_two(&self, owners: [u16; 2]) -> bool {
+        let mut met = owners.into_iter().chain(self.object).filter(|&object| object != NO_OBJECT);
+        met.next().is_some_and(|first| met.any(|other| other != first))
+    }
+
     /// Whether two couplings are the same bit for bit.
     pub(super) fn is(&self, other: &Self) -> bool {
         let bits = |c: &Self| [c.through, c.factor[0], c.factor[1]].map(f64::to_bits);

@@ -7,6 +7,10 @@
 //! factor f of its edges: inside of a body that is what it is for the others, and as K_e is positive semidefinite without
 //! objects, and only positive weights are scaled by more than f, what the element becomes is no less than f K_e. The
 //! smallest of continuous factors is continuous. Next to conductors factors count as 1.
+//!
+//! Where an edge meets two conductors, what there is between these two is not part of the network: links end at whichever
+//! conductor comes first. Nothing makes up for negative weights of the elements there any more, and the field of one
+//! conductor could have a negative energy; so factors of such edges are 0, which leaves the elements without them.
 
 use super::elements::{Lists, NO_EDGE, edges_of};
 use super::{Coupling, NO_OBJECT, Occupancy};
@@ -24,7 +28,8 @@ pub(super) struct NegativeWeights {
     positive: Vec<f64>,
     /// The weight of each edge without objects.
     reference: Vec<f64>,
-    /// What the edge rule makes of each edge, and by what factor it scales weights: 1 where a conductor is on it.
+    /// What the edge rule makes of each edge, and by what factor it scales weights: 1 where a conductor is on it, 0 where two
+    /// are.
     rule: Vec<Coupling>,
     factor: Vec<f64>,
     /// The smallest factor of each element's edges.
@@ -92,8 +97,11 @@ impl NegativeWeights {
 
     /// Takes what the edge rule makes of an edge with these owners of its ends.
     pub(super) fn take(&mut self, edge: usize, owners: [u16; 2], rule: Coupling) {
-        let is_conducting = rule.is_linked() || owners != [NO_OBJECT; 2];
-        let factor = if is_conducting { 1.0 } else { rule.through };
+        let factor = match is_conducting(&rule, owners) {
+            true if rule.meets_two(owners) => 0.0,
+            true => 1.0,
+            false => rule.through,
+        };
         self.rule[edge] = rule;
         self.pending.push(edge as u32);
         if std::mem::replace(&mut self.factor[edge], factor).to_bits() != factor.to_bits() {
@@ -133,18 +141,27 @@ impl NegativeWeights {
         if negative.is_empty() {
             return rule;
         }
-        if rule.is_linked() || owners != [NO_OBJECT; 2] {
-            // Conductors leave negative weights as they are.
-            return if self.reference[edge] > 0.0 { rule } else { Coupling::PLAIN };
-        }
-        let (mut sum, mut is_plain) = (rule.through * self.positive[edge], rule.through == 1.0);
+        let is_conducting = is_conducting(&rule, owners);
+        let through = if is_conducting { 1.0 } else { rule.through };
+        let (mut sum, mut is_plain) = (through * self.positive[edge], through == 1.0);
         for &(element, weight) in negative {
             let factor = self.smallest[element as usize];
             is_plain &= factor == 1.0;
             sum += factor * weight;
         }
-        Coupling::only_through(if is_plain { 1.0 } else { sum / self.reference[edge] })
+        let part = if is_plain { 1.0 } else { sum / self.reference[edge] };
+        match is_conducting {
+            true if self.reference[edge] > 0.0 => rule.scaled(part),
+            // There is no capacitor that conductors could cut; between two of them there is nothing then.
+            true if rule.meets_two(owners) => Coupling::only_through(0.0),
+            _ => Coupling::only_through(part),
+        }
     }
+}
+
+/// Whether a conductor is on an edge with these owners of its ends.
+fn is_conducting(rule: &Coupling, owners: [u16; 2]) -> bool {
+    rule.is_linked() || owners != [NO_OBJECT; 2]
 }
 
 impl Occupancy {

@@ -144,8 +144,9 @@ impl FieldSolver {
         let report = self.improve_in_some_precision(matrix, options);
         if report.is_err() {
             self.iteration.forget();
-            if let Vectors::Lattice(fields) = &mut self.vectors {
-                fields.clear();
+            match &mut self.vectors {
+                Vectors::Lattice(fields) => fields.clear(),
+                Vectors::Csr(fields) => fields.clear(),
             }
         }
         let report = report?;

@@ -90,6 +90,14 @@ impl<const L: usize> Columns<L> {
         }
     }
 
+    /// Zeros everywhere. What was no number would not leave sums that it is in.
+    pub(super) fn clear(&mut self) {
+        self.x.fill([0.0; L]);
+        self.kx.fill([0.0; L]);
+        self.p.fill([0.0; L]);
+        self.energies = [[0.0; L]; L];
+    }
+
     /// K x everywhere, and the sums over it.
     pub(super) fn evaluate(&mut self, rows: &Rows, workers: &Workers) -> Sums<L> {
         self.evaluate_strips(rows, workers, |_, _| true);

@@ -76,6 +76,18 @@ impl<const L: usize> Inverse<L> {
         Self { kind, preconditioned: vec![preconditioned; groups] }
     }
 
+    /// Zeros for what it made of residuals.
+    pub(super) fn clear(&mut self) {
+        for preconditioned in &mut self.preconditioned {
+            match preconditioned {
+                Preconditioned::Single(z) => z.fill([0.0; L]),
+                Preconditioned::Double(z) => z.fill([0.0; L]),
+                // Made anew when it is needed.
+                Preconditioned::Work(work) => *work = Work::default(),
+            }
+        }
+    }
+
     /// Takes over the rows that changed.
     pub(super) fn refresh(&mut self, rows: &Rows) {
         match &mut self.kind {

@@ -134,6 +134,11 @@ impl CsrSolver {
         for_width!(self, of => of.refresh(matrix, fixed, changed));
     }
 
+    /// Zero fields without a last step, after a solve that failed: none of its numbers may be left.
+    pub(crate) fn clear(&mut self) {
+        for_width!(self, of => of.clear());
+    }
+
     /// Finds the bodies of very high permittivity, which need a direction of their own.
     pub(crate) fn find_islands(
         &mut self,
@@ -229,6 +234,12 @@ impl<const L: usize> Solver<L> {
             self.stale.push(row as u32);
             self.rows.row(row).0.iter().for_each(|&other| self.stale.push(other));
         }
+    }
+
+    fn clear(&mut self) {
+        self.groups.iter_mut().for_each(Columns::clear);
+        self.inverse.clear();
+        self.state.clear();
     }
 
     fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {

@@ -99,6 +99,13 @@ impl CoarseRow {
         let behind = Behind { next: next.clone(), leak: zeros(), previous: [zeros(), zeros()] };
         Self { exists, next, leak: zeros(), behind }
     }
+
+    /// Zeros for all but where nodes are.
+    pub(super) fn clear(&mut self) {
+        let Self { next, leak, behind: Behind { next: beyond, leak: leak_behind, previous }, .. } = self;
+        let weights = next.iter_mut().chain(beyond).chain(previous);
+        weights.chain([leak, leak_behind]).for_each(|numbers| numbers.fill(0.0));
+    }
 }
 
 impl Stage {

@@ -9,6 +9,7 @@ use super::descent::OVERCORRECTION;
 use super::layout::Layout;
 use super::level::Level;
 use super::network::{Changed, Network};
+use super::stencil::Stencil;
 use super::transfer::Transfer;
 use crate::mesh::Lattice;
 use crate::solver::workers::Workers;
@@ -89,6 +90,16 @@ impl Hierarchy {
             level.b.iter_mut().chain(&mut level.x).for_each(|values| values.fill(0.0));
         }
         self.transfers.iter_mut().for_each(Transfer::clear);
+    }
+
+    /// Zeros in all networks, as before the first refresh.
+    pub(super) fn clear_networks(&mut self) {
+        self.finest.clear();
+        for level in &mut self.levels {
+            let Stencil { next, centre, .. } = &mut level.stencil;
+            next.iter_mut().flatten().chain(centre).for_each(|values| values.fill(0.0));
+        }
+        self.transfers.iter_mut().for_each(Transfer::clear_networks);
     }
 
     /// Takes over the matrix and the fixed rows where they changed on the finest level. `changed` must hold all nodes whose

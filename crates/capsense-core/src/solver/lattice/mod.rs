@@ -63,6 +63,8 @@ pub(crate) struct LatticeSolver {
     scale: Vec<f64>,
     /// Its finest level holds r and z.
     hierarchy: Hierarchy,
+    /// Whether networks may hold what is no number, and are to be computed everywhere.
+    networks_are_lost: bool,
     islands: Islands,
     /// Columns that are worked on.
     active: Vec<usize>,
@@ -110,6 +112,7 @@ impl LatticeSolver {
             p: layout.zeros(),
             scale: vec![0.0; columns],
             hierarchy,
+            networks_are_lost: false,
             islands: Islands::default(),
             active: Vec::with_capacity(columns),
             gains: vec![0.0; columns * columns],
@@ -187,6 +190,7 @@ impl LatticeSolver {
         self.p.iter_mut().for_each(|values| values.fill(0.0));
         self.scale.fill(0.0);
         self.hierarchy.clear();
+        self.networks_are_lost = true;
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
@@ -210,6 +214,15 @@ impl LatticeSolver {
     /// hold all nodes whose row, state or neighbour's potential changed.
     pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
         let (of_nodes, layout) = (self.of_nodes, self.layout);
+        // Weights that overflowed left coarse ones that equal nothing and follow nothing.
+        let all: Vec<u32>;
+        let changed = if std::mem::take(&mut self.networks_are_lost) {
+            self.hierarchy.clear_networks();
+            all = (0..self.nodes() as u32).collect();
+            &all
+        } else {
+            changed
+        };
         for node in changed.iter().map(|&node| node as usize) {
             self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
         }

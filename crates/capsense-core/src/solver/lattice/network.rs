@@ -28,6 +28,12 @@ impl Network {
         Self { counts, strides: [1, row, row * ny], next: [zeros(), zeros(), zeros()], leak: zeros() }
     }
 
+    /// Zeros, as a new one.
+    pub(super) fn clear(&mut self) {
+        self.next.iter_mut().for_each(|weights| weights.fill(0.0));
+        self.leak.fill(0.0);
+    }
+
     /// Place of a node.
     #[inline(always)]
     pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {

@@ -6,6 +6,7 @@ use super::sums::Sums;
 use crate::stiffness::StiffnessMatrix;
 
 /// Potentials in one of two precisions, what K has in it besides the finest level's weights, and storage for each thread.
+/// `leak` holds for each node the weight of its links.
 #[derive(Clone, Debug)]
 pub(super) enum Potentials {
     Single {
@@ -15,6 +16,7 @@ pub(super) enum Potentials {
     },
     Double {
         x: Coloured<f64>,
+        leak: Coloured<f32>,
         /// K over the nodes; what links nodes to objects is on the diagonal.
         stencil: Box<Stencil<f64>>,
         sums: Vec<Sums<f64>>,
@@ -26,6 +28,7 @@ impl Potentials {
     pub(super) fn double(of_nodes: Layout, layout: &Layout, slabs: usize) -> Self {
         Self::Double {
             x: layout.zeros(),
+            leak: of_nodes.zeros(),
             stencil: Box::new(Stencil::new(of_nodes)),
             sums: vec![Sums::new(layout); slabs],
         }
@@ -54,6 +57,12 @@ impl Potentials {
         }
     }
 
+    /// The weight of the links of each node.
+    pub(super) fn leak(&self) -> &Coloured<f32> {
+        let (Self::Single { leak, .. } | Self::Double { leak, .. }) = self;
+        leak
+    }
+
     pub(super) fn clear(&mut self) {
         match self {
             Self::Single { x, .. } => x.iter_mut().for_each(|values| values.fill(0.0)),
@@ -63,14 +72,13 @@ impl Potentials {
 
     /// Takes over the row of a node.
     pub(super) fn refresh(&mut self, matrix: &StiffnessMatrix, node: usize, (colour, at): (usize, usize)) {
-        match self {
-            Self::Single { leak, .. } => leak[colour][at] = matrix.link_weight(node) as f32,
-            Self::Double { stencil, .. } => {
-                for axis in 0..3 {
-                    stencil.next[axis][colour][at] = matrix.lattice_weight(node, axis);
-                }
-                stencil.centre[colour][at] = matrix.diagonal(node);
+        let (Self::Single { leak, .. } | Self::Double { leak, .. }) = &mut *self;
+        leak[colour][at] = matrix.link_weight(node) as f32;
+        if let Self::Double { stencil, .. } = self {
+            for axis in 0..3 {
+                stencil.next[axis][colour][at] = matrix.lattice_weight(node, axis);
             }
+            stencil.centre[colour][at] = matrix.diagonal(node);
         }
     }
 }

@@ -49,6 +49,14 @@ impl Shares {
         Self { counts: [nx, ny], first, strides, values, arranged }
     }
 
+    /// Zeros everywhere.
+    pub(super) fn clear(&mut self) {
+        self.values.fill(0.0);
+        if let Arranged::Red(_, arranged) | Arranged::Halves(_, arranged) = &mut self.arranged {
+            arranged.fill(0.0);
+        }
+    }
+
     /// Place of a node's number.
     #[inline(always)]
     pub(super) fn place(&self, [i, j, k]: [usize; 3]) -> usize {

@@ -59,6 +59,14 @@ impl Stage {
         }
     }
 
+    /// Zeros, as before the first refresh.
+    pub(super) fn clear(&mut self) {
+        self.previous.clear();
+        self.next.clear();
+        self.coarse.clear();
+        self.row.clear();
+    }
+
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
     pub(super) fn refresh(&mut self, arch: Arch, fine: &Network, changed: &Changed) {
         self.reached.clear();

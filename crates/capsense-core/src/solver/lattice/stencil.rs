@@ -102,23 +102,6 @@ impl Piece<'_, f32> {
 }
 
 impl Piece<'_, f32> {
-    /// y = D x - Σ w x, if x is zero where the potential is fixed; there, y is of no use.
-    #[inline(always)]
-    pub(super) fn charges<S: Simd>(&self, simd: S, y: &mut [f32], x: &[f32], around: [&[f32]; 6]) {
-        let y = S::as_mut_simd_f32s(y).0;
-        let n = y.len();
-        let (x, inverse) = (&single::<S>(x)[..n], &single::<S>(self.centre)[..n]);
-        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
-        // Keeps 0 / 0 away.
-        let least = simd.splat_f32s(f32::MIN_POSITIVE);
-        for i in 0..n {
-            let own = simd.div_f32s(x[i], simd.max_f32s(inverse[i], least));
-            y[i] = simd.sub_f32s(own, sum_of_six_single(simd, &w, &v, i));
-        }
-    }
-}
-
-impl Piece<'_, f32> {
     /// y = λ x + Σ w (x - x') in every column, x' around x. The stencil is read once for all of them. Of differences, for
     /// the diagonal in single precision would not be the sum of the weights.
     #[inline(always)]

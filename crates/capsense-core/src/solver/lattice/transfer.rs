@@ -61,6 +61,12 @@ impl Transfer {
         }
     }
 
+    /// Zeros in the networks of all stages.
+    pub(super) fn clear_networks(&mut self) {
+        let Stages { z, y, x, .. } = &mut self.stages;
+        z.iter_mut().chain(y).chain(x).for_each(Stage::clear);
+    }
+
     /// Keeps those planes across x, y and z for which `kept` holds. Returns the counts of the coarse level too.
     pub(super) fn new(fine: &Level, kept: &[Vec<bool>; 3], threads: usize) -> (Self, [usize; 3]) {
         let mut coarse = fine.layout.counts;

@@ -33,7 +33,7 @@ impl LatticeSolver {
             Potentials::Single { x, leak, sums } => {
                 surroundings.walk(Leaking { stencil, leak }, inverse, vectors, x, sums);
             }
-            Potentials::Double { x, stencil, sums } => {
+            Potentials::Double { x, stencil, sums, .. } => {
                 surroundings.walk(&**stencil, inverse, vectors, x, sums);
             }
         }
