@@ -18,8 +18,11 @@ use std::path::{Path, PathBuf};
 
 const TETS: usize = 30_000;
 
-/// Small enough that no difference of two steps is an error of the solver.
+/// Of the self-capacitances.
 const TOLERANCE: f64 = 1e-9;
+
+/// In femtofarads: what is less may be an error of the solver, and counts as no response at all.
+const FELT: f64 = 1e-5;
 
 /// Between two places of the bar, in millimetres.
 const STEP: f64 = 0.5;
@@ -112,7 +115,8 @@ pub(crate) struct Curve {
 impl Curve {
     /// By how much C11 falls from each place to the next.
     pub(crate) fn falls(&self) -> Vec<f64> {
-        self.changes.windows(2).map(|pair| pair[0] - pair[1]).collect()
+        let falls = self.changes.windows(2).map(|pair| pair[0] - pair[1]);
+        falls.map(|fall| if fall.abs() < FELT { 0.0 } else { fall }).collect()
     }
 }
 

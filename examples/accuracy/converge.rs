@@ -11,10 +11,10 @@ use capsense::core::sensor::{Sensor, SensorDesign};
 use clap::Args;
 
 /// Spacing of the coarsest lattice at electrodes, and at the faces of bodies that lie in lattice planes, in metres.
-const FINEST: f64 = 0.0025;
+const FINEST: f64 = 0.005;
 
 /// Spacing of the coarsest lattice around other bodies.
-const AROUND: f64 = 0.008;
+const AROUND: f64 = 0.01;
 
 const GROWTH: f64 = 1.3;
 
