@@ -51,7 +51,7 @@ pub(crate) fn table(arguments: &TableArguments) -> Result<()> {
     Ok(())
 }
 
-/// A row for the empty scene, one for each body, and the root mean square over all bodies.
+/// A row for the empty scene, one for each body, and the median over all bodies.
 fn markdown(bodies: &[Body], errors: &Measured) -> String {
     let mut text = "| |".to_owned();
     for (connection, _) in CONNECTIONS {
@@ -66,11 +66,11 @@ fn markdown(bodies: &[Body], errors: &Measured) -> String {
     for (body, changes) in bodies.iter().zip(&errors.changes) {
         let _ = writeln!(text, "| {} |{}", body.name, changes.iter().map(cells).collect::<String>());
     }
-    let means = (0..CONNECTIONS.len()).map(|connection| {
+    let medians = (0..CONNECTIONS.len()).map(|connection| {
         let all = errors.changes.iter().map(|changes| changes[connection]);
-        cells(&root_mean_square(all))
+        cells(&median(all))
     });
-    let _ = write!(text, "| root mean square of changes |{}", means.collect::<String>());
+    let _ = write!(text, "| median size for bodies |{}", medians.collect::<String>());
     text
 }
 
@@ -78,11 +78,12 @@ fn cells(errors: &Entries) -> String {
     errors.iter().map(|error| format!(" {error:.2} |")).collect()
 }
 
-fn root_mean_square(rows: impl ExactSizeIterator<Item = Entries>) -> Entries {
-    let count = rows.len() as f64;
-    let mut squares = Entries::default();
-    for row in rows {
-        squares.iter_mut().zip(row).for_each(|(square, error)| *square += error * error);
-    }
-    squares.map(|square| (square / count).sqrt())
+/// The median of the sizes of errors: a mean would tell of nothing but the smallest changes.
+fn median(rows: impl Iterator<Item = Entries> + Clone) -> Entries {
+    std::array::from_fn(|entry| {
+        let mut sizes: Vec<f64> = rows.clone().map(|row| row[entry].abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let half = sizes.len() / 2;
+        if sizes.len() % 2 == 1 { sizes[half] } else { 0.5 * (sizes[half - 1] + sizes[half]) }
+    })
 }
