@@ -1,0 +1,46 @@
+//! How exact capacitances are, how continuous, and how that is known: three stripes in air and bodies near them, compared
+//! with reference values.
+//!
+//! ```sh
+//! cargo run --release --example accuracy                 # tables of errors; --quick for small lattices
+//! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
+//! cargo run --release --example accuracy -- converge     # where the reference values come from
+//! ```
+
+mod cases;
+mod continuity;
+mod converge;
+mod measure;
+mod plot;
+mod references;
+mod statistics;
+mod table;
+
+use clap::{Parser, Subcommand};
+
+/// How exact and how continuous capacitances are: three stripes in air and bodies near them
+#[derive(Debug, Parser)]
+#[command(args_conflicts_with_subcommands = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    table: table::TableArguments,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Table(table::TableArguments),
+    Continuity(continuity::ContinuityArguments),
+    Converge(converge::ConvergeArguments),
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    match arguments.command {
+        None => table::table(&arguments.table),
+        Some(Command::Table(arguments)) => table::table(&arguments),
+        Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
+        Some(Command::Converge(arguments)) => converge::converge(&arguments),
+    }
+}
