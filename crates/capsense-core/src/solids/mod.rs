@@ -210,17 +210,19 @@ impl Surfaces for Solids {
     }
 
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
-        let [a, b] = [a, b].map(|point| self.placed[object].local(point));
+        // No `map` over the two ends: it is not inlined and costs as much as the rest.
+        let placed = &self.placed[object];
+        let (a, b) = (placed.local(a), placed.local(b));
         let convex = match &self.solids[object].body {
             Body::Convex(convex) => convex,
             Body::Enclosed(enclosed) => return enclosed.span(a, b),
         };
         // An end that is inside starts or ends the span, whatever rounding makes of the interval.
-        let ([from, to], interval) = match [a, b].map(|end| convex.contains(end)) {
-            [true, true] => return Some(Span { enter: 0.0, exit: 1.0 }),
-            inside => (inside, convex.interval(a, b - a)),
-        };
-        match interval {
+        let (from, to) = (convex.contains(a), convex.contains(b));
+        if from && to {
+            return Some(Span { enter: 0.0, exit: 1.0 });
+        }
+        match convex.interval(a, b - a) {
             Some([enter, exit]) => {
                 let enter = if from { 0.0 } else { enter.max(0.0) };
                 let exit = if to { 1.0 } else { exit.min(1.0) };
