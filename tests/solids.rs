@@ -56,6 +56,32 @@ fn a_fine_camera_sees_what_solids_are() {
     }
 }
 
+/// The hand with its forearm, in some frames of its way down.
+#[test]
+fn a_hand_is_the_same_through_the_camera_and_as_a_solid() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");
+    let text = std::fs::read_to_string(folder.join("hand.toml")).unwrap();
+    let table = "[simulation]";
+    assert_eq!(text.matches(table).count(), 1);
+    let as_solid = text.replace(table, &format!("{table}\n{SOLIDS}"));
+    let [seen, solid] = [text, as_solid].map(|text| {
+        let mut pipeline = Pipeline::new(&Scene::parse("hand.toml", &text, &folder).unwrap()).unwrap();
+        let frames = [0, 60, 90, 110].map(|index| pipeline.frame(index).unwrap().capacitance);
+        let base = pipeline.simulator().base().clone();
+        frames.map(|c| {
+            [(0, 0), (1, 1), (3, 3), (4, 4), (0, 1), (3, 4)].map(|(i, j)| c.get(i, j) - base.get(i, j))
+        })
+    });
+    for entry in 0..6 {
+        let largest = solid[3][entry].abs();
+        for (seen, solid) in seen.iter().zip(&solid) {
+            // Pixels are 5.8 mm wide, and a camera sees no gap between thumb and palm.
+            assert!((seen[entry] - solid[entry]).abs() < 0.015 * largest, "{entry}: {seen:?} {solid:?}");
+        }
+        assert!(solid.windows(2).all(|pair| pair[1][entry] > pair[0][entry]), "{entry}: {solid:?}");
+    }
+}
+
 /// A tetrahedron of 0.1 m; without its last face it has three open edges.
 fn tetrahedron(faces: usize) -> String {
     let corners = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n";
