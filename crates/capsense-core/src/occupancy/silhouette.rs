@@ -25,8 +25,8 @@ use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
 /// of the way to the next node across. With it the energy of the field r^(2/3) sin(2θ/3) around a right angle is right in
-/// the mean over all places of the angle's vertex in a cell: cells one, two and three times as long as wide ask for 0.10,
-/// 0.08 and 0.07 (`tests/fringe.rs`). A sheet much thinner than a cell would ask for 0.1 to 0.3.
+/// the mean over all places of the angle's vertex in a cell, which `tests/fringe.rs` holds it to: in a prototype cells one,
+/// two and three times as long as wide asked for 0.10, 0.08 and 0.07. A sheet much thinner than a cell asked for 0.1 to 0.3.
 const FRINGE: f64 = 0.09;
 
 /// One of the two axes across an edge.
@@ -156,7 +156,7 @@ impl Scene<'_> {
         let Some(tube) = Tube::of(lattice, edge) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
-            (Some(&(object, span)), None) if self.surfaces.has_edge_in(object.into(), &tube.bounds()) => {
+            (Some(&(object, span)), None) if self.has_edge_in(object.into(), &tube.bounds()) => {
                 let part = self.part_covered(&tube, usize::from(object), span);
                 if part >= 1.0 {
                     return cut;
@@ -214,7 +214,7 @@ impl Scene<'_> {
         let mut near = (0..self.bounds.len())
             .filter(|&object| self.is_conductor(object) && self.bounds[object].intersects(&bounds));
         let (Some(object), None) = (near.next(), near.next()) else { return plain };
-        if !self.surfaces.has_edge_in(object, &bounds) {
+        if !self.has_edge_in(object, &bounds) {
             return plain;
         }
         let mut most = Beside::default();

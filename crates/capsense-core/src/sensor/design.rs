@@ -11,8 +11,8 @@ use glam::{DVec2, DVec3};
 /// By how much more than one the spacing of a lattice of so many tetrahedra grows from cell to cell, away from electrodes.
 ///
 /// Too little leaves the electrodes coarse, too much leaves what is far from them coarse. For three stripes in a cube, both
-/// errors are about equal, over bars and balls near and far, at 0.6 with 10,000 tetrahedra, 0.5 with 30,000, 0.36 with
-/// 130,000, 0.23 with 800,000 and 0.16 with 3,000,000 (`examples/accuracy.rs`): a fourth root.
+/// errors were about equal, over the bodies of `examples/accuracy`, at 0.6 with 10,000 tetrahedra, 0.5 with 30,000, 0.36
+/// with 130,000, 0.23 with 800,000 and 0.16 with 3,000,000, in scans that are not kept: a fourth root.
 fn growth_above_one(tets: usize) -> f64 {
     (6.8 / (tets as f64).powf(0.25)).min(0.6)
 }
