@@ -174,7 +174,7 @@ struct Scene<'a> {
     bounds: &'a [Aabb],
     /// Whether there are weak dielectrics on a lattice.
     has_weak: bool,
-    /// Whether there are conductors with exact surfaces on a lattice.
+    /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
     has_silhouettes: bool,
     /// Whether there are strong dielectrics with exact surfaces on a lattice.
     has_faces: bool,

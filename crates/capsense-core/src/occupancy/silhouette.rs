@@ -268,7 +268,7 @@ impl Scene<'_> {
 
 /// What the edge rule makes of an edge to a part, and to the rest what is along it without the conductor.
 fn blend(cut: Coupling, part: f64, without: f64) -> Coupling {
-    let factor = cut.factor.map(|factor| part * factor);
-    let object = [0, 1].map(|end| if factor[end] > 0.0 { cut.object[end] } else { NO_OBJECT });
-    Coupling { through: part * cut.through + (1.0 - part) * without, factor, object }
+    let scaled = cut.scaled(part);
+    let object = [0, 1].map(|end| if scaled.factor[end] > 0.0 { cut.object[end] } else { NO_OBJECT });
+    Coupling { through: scaled.through + (1.0 - part) * without, object, ..scaled }
 }
