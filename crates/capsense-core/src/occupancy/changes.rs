@@ -1,7 +1,7 @@
 //! Where the answers of surfaces may differ from those of the frame before.
 
 use super::comparison::Comparison;
-use super::{DepthLayers, EdgeGeometry, Surfaces};
+use super::{DepthLayers, EdgeGeometry, Surfaces, wedge};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use glam::DAffine3;
@@ -52,6 +52,7 @@ impl Earlier {
 #[derive(Clone, Debug, Default)]
 pub struct Regions {
     boxes: Vec<Aabb>,
+    around_edges: Vec<Aabb>,
     /// Objects that differ.
     objects: Vec<usize>,
     spacing: f64,
@@ -66,6 +67,11 @@ impl Regions {
     /// The boxes found. They may overlap.
     pub fn boxes(&self) -> &[Aabb] {
         &self.boxes
+    }
+
+    /// Boxes around edges, where surfaces turn abruptly, of what differs.
+    pub(crate) fn around_edges(&mut self) -> &mut Vec<Aabb> {
+        &mut self.around_edges
     }
 
     /// Takes note that an object differs; returns the mean distance between nodes of the mesh, below which smaller boxes
@@ -94,11 +100,17 @@ impl Changes {
             regions.spacing = mean_spacing(mesh);
         }
         regions.boxes.clear();
+        regions.around_edges.clear();
         regions.objects.clear();
         let are_told = surfaces.find_changes(&mut self.earlier, regions);
         if are_told && self.materials == materials {
             for &object in &regions.objects {
-                self.bounds[object] = surfaces.bounds(object);
+                let before = std::mem::replace(&mut self.bounds[object], surfaces.bounds(object));
+                for moved in [before, self.bounds[object]] {
+                    let others = self.bounds.iter().enumerate().filter(|(other, _)| *other != object);
+                    let common = others.filter_map(|(_, other)| near_both(mesh, &moved, other));
+                    regions.around_edges.extend(common);
+                }
             }
         } else {
             regions.boxes.clear();
@@ -107,6 +119,7 @@ impl Changes {
             self.bounds.extend((0..materials.len()).map(|object| surfaces.bounds(object)));
             regions.boxes.extend(&self.bounds);
             regions.boxes.retain(|region| region.min.cmple(region.max).all());
+            regions.around_edges.clone_from(&regions.boxes);
             self.materials.clear();
             self.materials.extend(materials);
         }
@@ -123,6 +136,17 @@ impl Changes {
     pub(super) fn regions(&self) -> &[Aabb] {
         &self.regions.boxes
     }
+
+    /// Boxes outside of which no edge of an object was or is, of what differs, nor are two objects near each other.
+    pub(super) fn around_edges(&self) -> &[Aabb] {
+        &self.regions.around_edges
+    }
+}
+
+/// What is near to two objects. What a node makes of an edge of one object depends on where the other is.
+fn near_both(mesh: &EdgeGeometry<'_>, a: &Aabb, b: &Aabb) -> Option<Aabb> {
+    let [a, b] = [wedge::grown(mesh.edges, a), wedge::grown(mesh.edges, b)];
+    a.intersects(&b).then(|| Aabb { min: a.min.max(b.min), max: a.max.min(b.max) })
 }
 
 /// The edge of a cube that is as large as what a node has around it on average.

@@ -16,11 +16,13 @@ mod negative;
 mod parallel;
 mod silhouette;
 mod sorted;
+mod wedge;
 
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub use interface::Interface;
+pub use wedge::RightAngle;
 
 use crate::geometry::Aabb;
 use crate::material::Material;
@@ -32,6 +34,7 @@ use elements::Elements;
 use glam::DVec3;
 use negative::NegativeWeights;
 use sorted::SortedList;
+use wedge::Wedges;
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,6 +78,11 @@ pub trait Surfaces {
     /// Whether an object may have an edge, where its surface turns abruptly, in a box.
     fn has_edge_in(&self, _object: usize, _bounds: &Aabb) -> bool {
         true
+    }
+
+    /// Where two faces of an object meet at a right angle, as near to a point as there is such an edge.
+    fn right_angle_near(&self, _object: usize, _point: DVec3) -> Option<RightAngle> {
+        None
     }
 
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
@@ -139,6 +147,7 @@ pub struct Occupancy {
     elements: Option<Box<Elements>>,
     /// Negative weights that dielectrics are to scale.
     negative: Option<Box<NegativeWeights>>,
+    wedges: Wedges,
 }
 
 /// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
@@ -261,6 +270,7 @@ impl Occupancy {
             },
             elements: None,
             negative: None,
+            wedges: Wedges::default(),
         }
     }
 
@@ -300,9 +310,8 @@ impl Occupancy {
         let bounds = changes.bounds();
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
         let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
-        let only_walls_matter = has_silhouettes && !has_weak && !has_faces;
-        let looks_beside = has_weak || has_silhouettes || has_faces;
         // What was left beside surfaces in the frame before goes with them.
+        let looks_beside = has_weak || has_faces;
         let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
@@ -314,19 +323,24 @@ impl Occupancy {
                     self.set_holder(node, scene.holder(node));
                 });
             }
+            self.wedges.update(&scene, changes.around_edges(), &self.conductor, self.scratch.frame);
+            let mut update = |edge, ends| links_lost |= self.update_edge(&scene, edge, ends);
             for region in changes.regions() {
-                mesh.edges.for_edges_near(mesh.nodes, region, |edge, ends| {
-                    links_lost |= self.update_edge(&scene, edge, ends);
-                });
+                mesh.edges.for_edges_near(mesh.nodes, region, &mut update);
             }
             for region in changes.regions().iter().filter(|_| looks_beside) {
                 let around = parallel::up_to_planes(mesh.edges, region);
+                mesh.edges.for_edges_near(mesh.nodes, &around, &mut update);
+            }
+            for region in changes.around_edges() {
+                let around = parallel::up_to_planes(mesh.edges, region);
                 mesh.edges.for_edges_near(mesh.nodes, &around, |edge, ends| {
-                    if !(only_walls_matter && self.stays_plain(&scene, edge)) {
+                    if !self.stays_plain(&scene, edge) {
                         links_lost |= self.update_edge(&scene, edge, ends);
                     }
                 });
             }
+            links_lost |= self.update_near_wedges(&scene);
         }
         if let Some(mut negative) = self.negative.take() {
             links_lost |= self.update_negative(mesh.edges, &mut negative);
@@ -352,6 +366,7 @@ impl Occupancy {
             scratch.edge_passed.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
             self.negative.iter_mut().for_each(|negative| negative.forget_frames());
+            self.wedges.forget_frames();
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -368,6 +383,20 @@ impl Occupancy {
             self.changed_nodes.push(node as u32);
             self.scratch.node_changed[node] = true;
         }
+    }
+
+    /// Updates edges of nodes that make something else of edges of conductors than in the frame before.
+    fn update_near_wedges(&mut self, scene: &Scene<'_>) -> bool {
+        let mut links_lost = false;
+        for changed in 0..self.wedges.changed().len() {
+            let node = self.wedges.changed()[changed];
+            scene.mesh.edges.for_edges_at(node as usize, |edge, _| {
+                if let Some(ends) = scene.mesh.edges.ends(edge) {
+                    links_lost |= self.update_edge(scene, edge, ends);
+                }
+            });
+        }
+        links_lost
     }
 
     /// Whether an edge beside what changed of conductors is plain and none of them has an edge near.
@@ -403,10 +432,15 @@ impl Occupancy {
                         rule.coupling(breaks)
                     }
                 };
-                if scene.has_silhouettes {
-                    scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
-                } else {
+                let wedges = self.wedges.between(ends);
+                let covered = if !scene.has_silhouettes || Scene::is_between_wedges(wedges, owners) {
                     cut
+                } else {
+                    scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
+                };
+                match wedges {
+                    Some(wedges) => Scene::between_wedges(wedges, edge % 3, owners, cut, covered),
+                    None => covered,
                 }
             }
         };

@@ -4,7 +4,9 @@
 //! quadratic for round ones. The quadratic is solved from the line's distance to the centre, so that nothing cancels
 //! when both ends are far away.
 
+use crate::occupancy::RightAngle;
 use glam::{BVec3, DVec2, DVec3};
+use std::f64::consts::FRAC_PI_2;
 
 /// Solids are smaller than stated by this part. Points that lie in a face but for rounding then all are outside, so that
 /// a face in a plane of nodes holds either all or none of them, and opposite faces are alike.
@@ -79,6 +81,40 @@ impl Convex {
             Self::Cylinder { radius, half_length } => {
                 let from_rim = centre.truncate().length() - radius;
                 (centre.z.abs() - half_length).abs() <= half.z && from_rim.abs() <= half.truncate().length()
+            }
+        }
+    }
+
+    /// The edge at a right angle that is nearest to a point.
+    pub(super) fn right_angle_near(&self, point: DVec3) -> Option<RightAngle> {
+        match *self {
+            Self::Box(half) => {
+                let outside = point.abs() - half;
+                let squared = outside * outside;
+                let beyond = outside.max(DVec3::ZERO);
+                // For edges along each axis.
+                let distances = DVec3::splat(squared.element_sum()) - squared + beyond * beyond;
+                let axis = distances.min_position();
+                let corner = half.copysign(point);
+                let mut place = corner;
+                place[axis] = point[axis];
+                let normals = [(axis + 1) % 3, (axis + 2) % 3].map(|across| {
+                    let mut normal = DVec3::ZERO;
+                    normal[across] = 1.0_f64.copysign(point[across]);
+                    normal
+                });
+                Some(RightAngle { place, normals, inside: -outside[axis], radius: f64::INFINITY })
+            }
+            Self::Capsule { .. } => None,
+            Self::Cylinder { radius, half_length } => {
+                let outwards = point.truncate().try_normalize()?;
+                let end = half_length.copysign(point.z);
+                Some(RightAngle {
+                    place: (radius * outwards).extend(end),
+                    normals: [outwards.extend(0.0), DVec3::Z * 1.0_f64.copysign(point.z)],
+                    inside: f64::INFINITY,
+                    radius,
+                })
             }
         }
     }
@@ -159,7 +195,12 @@ fn round(
     Some([nearest - half, nearest + half])
 }
 
-/// A piece of a solid's surface that can be halved.
+/// The whole revolution of a profile.
+fn around(profile: Profile) -> [Patch; 4] {
+    [0.0, 1.0, 2.0, 3.0].map(|k| Patch::Round { azimuth: [k * FRAC_PI_2, (k + 1.0) * FRAC_PI_2], profile })
+}
+
+/// A piece of a solid's surface, or of a line on it, that can be halved.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Patch {
     /// A rectangle, as a box without thickness.
@@ -247,17 +288,33 @@ impl Patch {
 }
 
 impl Convex {
+    /// Lines where the surface turns abruptly, any coordinate of which tells where they are.
+    pub(super) fn edges(&self) -> Vec<(Patch, BVec3)> {
+        let lines: Vec<Patch> = match *self {
+            Self::Box(half) => (0..12)
+                .map(|edge| {
+                    let (axis, corner) = (edge / 4, edge % 4);
+                    let mut min = half;
+                    min[(axis + 1) % 3] *= if corner % 2 == 0 { 1.0 } else { -1.0 };
+                    min[(axis + 2) % 3] *= if corner < 2 { 1.0 } else { -1.0 };
+                    let max = min;
+                    min[axis] = -half[axis];
+                    Patch::Flat { min, max }
+                })
+                .collect(),
+            Self::Capsule { .. } => Vec::new(),
+            Self::Cylinder { radius, half_length } => {
+                let rim = |z: f64| around(Profile::Line([DVec2::new(radius, z); 2]));
+                rim(half_length).into_iter().chain(rim(-half_length)).collect()
+            }
+        };
+        lines.into_iter().map(|line| (line, BVec3::TRUE)).collect()
+    }
+
     /// Patches that together are the surface, each with the coordinates that its part of [`Convex::interval`] and of
     /// [`Convex::contains`] is made of, and nothing else: those across a flat face, those across the axis of a round side.
     /// The parts of a capsule touch each other, so that they are not told apart.
     pub(super) fn surface(&self) -> Vec<(Patch, BVec3)> {
-        let quarter = std::f64::consts::FRAC_PI_2;
-        let around = |profile: Profile| {
-            (0..4).map(move |k| {
-                let start = f64::from(k) * quarter;
-                Patch::Round { azimuth: [start, start + quarter], profile }
-            })
-        };
         let side =
             |radius: f64, half: f64| Profile::Line([DVec2::new(radius, -half), DVec2::new(radius, half)]);
         let all =
@@ -276,16 +333,16 @@ impl Convex {
                 let cap = |sign: f64| Profile::Arc {
                     centre: sign * half_length,
                     radius,
-                    elevation: [0.0, sign * quarter],
+                    elevation: [0.0, sign * FRAC_PI_2],
                 };
-                let ends = around(cap(1.0)).chain(around(cap(-1.0)));
+                let ends = around(cap(1.0)).into_iter().chain(around(cap(-1.0)));
                 let side = (half_length > 0.0).then(|| around(side(radius, half_length)));
                 all(ends.chain(side.into_iter().flatten()).collect(), BVec3::TRUE).collect()
             }
             Self::Cylinder { radius, half_length } => {
                 let end = |z: f64| Profile::Line([DVec2::new(0.0, z), DVec2::new(radius, z)]);
-                let ends = around(end(half_length)).chain(around(end(-half_length)));
-                let side = all(around(side(radius, half_length)).collect(), BVec3::new(true, true, false));
+                let ends = around(end(half_length)).into_iter().chain(around(end(-half_length)));
+                let side = all(around(side(radius, half_length)).to_vec(), BVec3::new(true, true, false));
                 all(ends.collect(), BVec3::new(false, false, true)).chain(side).collect()
             }
         }

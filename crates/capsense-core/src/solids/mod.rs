@@ -13,7 +13,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Regions, Span, Surfaces};
+use crate::occupancy::{Earlier, Regions, RightAngle, Span, Surfaces};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -64,6 +64,8 @@ struct Solid {
     body: Body,
     bounds: Aabb,
     surface: SurfaceTree,
+    /// The same of the lines where the surface turns abruptly; for triangles, of all of it.
+    edges: SurfaceTree,
     /// Whether it looks the same however it is turned.
     is_ball: bool,
 }
@@ -160,6 +162,7 @@ impl Solid {
                 return Ok(Self {
                     body: Body::Enclosed(Box::new(enclosed)),
                     bounds,
+                    edges: surface.clone(),
                     surface,
                     is_ball: false,
                 });
@@ -169,7 +172,8 @@ impl Solid {
         Ok(Self {
             body: Body::Convex(convex.shrunk()),
             bounds: Aabb::around(corners),
-            surface: SurfaceTree::of_convex(&convex),
+            surface: SurfaceTree::of_patches(convex.surface()),
+            edges: SurfaceTree::of_patches(convex.edges()),
             is_ball: matches!(shape, Shape::Sphere { .. }),
         })
     }
@@ -257,6 +261,15 @@ impl Surfaces for Solids {
         }
     }
 
+    fn right_angle_near(&self, object: usize, point: DVec3) -> Option<RightAngle> {
+        let Body::Convex(convex) = &self.solids[object].body else { return None };
+        let placed = &self.placed[object];
+        let angle = convex.right_angle_near(placed.local(point))?;
+        let turn = placed.sensor_from_object.matrix3;
+        let normals = [turn * angle.normals[0], turn * angle.normals[1]];
+        Some(RightAngle { place: placed.sensor_from_object.transform_point3(angle.place), normals, ..angle })
+    }
+
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
         let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
         let Some(earlier) = before.poses_of(&self.identity) else {
@@ -273,8 +286,10 @@ impl Surfaces for Solids {
             let (spacing, boxes) = regions.of_object(object);
             if moved_far(&earlier, &now, &solid.bounds) {
                 boxes.extend([was_at, self.placed[object].bounds]);
+                regions.around_edges().extend([was_at, self.placed[object].bounds]);
             } else {
                 solid.surface.append_regions([&earlier, &now], spacing, boxes);
+                solid.edges.append_regions([&earlier, &now], spacing, regions.around_edges());
             }
         }
         true

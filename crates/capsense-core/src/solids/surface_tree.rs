@@ -26,7 +26,7 @@
 //! are left out. A capsule's surfaces touch each other without an angle, so that no margin parts the crossings of one
 //! from those of another, and triangles are not told from their planes' distances: of these no face is left out.
 
-use super::convex::Convex;
+use super::convex::Patch;
 use crate::geometry::Aabb;
 use glam::{BVec3, DAffine3, DVec3};
 
@@ -60,15 +60,15 @@ pub(super) struct SurfaceTree {
 }
 
 impl SurfaceTree {
-    /// Halves the surface of a convex solid again and again.
-    pub(super) fn of_convex(solid: &Convex) -> Self {
+    /// Halves pieces of a convex solid's surface again and again. With each come the coordinates that tell where it is
+    /// crossed.
+    pub(super) fn of_patches(patches: Vec<(Patch, BVec3)>) -> Self {
         let mut tree = Self::default();
-        let patches = solid.surface();
         let around = patches.iter().flat_map(|(patch, _)| patch.bounds());
         let finest = FINEST * Aabb::around(around).size().length();
         // A stack of patches, and of nodes whose exits are known once all above them on the stack are done.
         enum Task {
-            Add(super::convex::Patch, BVec3),
+            Add(Patch, BVec3),
             Close(usize),
         }
         let mut tasks: Vec<Task> =

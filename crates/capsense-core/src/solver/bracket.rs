@@ -139,6 +139,10 @@ fn energy(s: &EdgeFields, t: &EdgeFields) -> f64 {
 fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> {
     /// Currents that cancel to this part of them cancel.
     const ROUNDING: f64 = 1e-10;
+    // Beside edges of conductors links may be negative; no current takes such a way by itself.
+    if [before, after].iter().any(|edge| edge.links.iter().any(|&link| link < 0.0)) {
+        return None;
+    }
     let (old, new) = (currents(before), currents(after));
     let excess: [f64; 2] = std::array::from_fn(|end| if free[end] { old[end] - new[end] } else { 0.0 });
     let over = |current: f64, weight: f64| match weight {
