@@ -168,8 +168,6 @@ struct Scratch {
     node_changed: Vec<bool>,
     /// The frame in which each edge was last looked at; regions overlap.
     edge_seen: Vec<u8>,
-    /// The same for edges beside what changed of which it was asked whether they stay as they are.
-    edge_passed: Vec<u8>,
     frame: u8,
     /// Whether edges of the frame before depend on what is beside them.
     looked_beside: bool,
@@ -264,7 +262,6 @@ impl Occupancy {
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edge_seen: vec![0; edges],
-                edge_passed: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
             },
@@ -323,8 +320,9 @@ impl Occupancy {
                     self.set_holder(node, scene.holder(node));
                 });
             }
-            self.wedges.update(&scene, changes.around_edges(), &self.conductor, self.scratch.frame);
-            let mut update = |edge, ends| links_lost |= self.update_edge(&scene, edge, ends);
+            let mut wedges = std::mem::take(&mut self.wedges);
+            wedges.update(&scene, changes.around_edges(), &self.conductor, self.scratch.frame);
+            let mut update = |edge, ends| links_lost |= self.update_edge(&scene, &wedges, edge, ends);
             for region in changes.regions() {
                 mesh.edges.for_edges_near(mesh.nodes, region, &mut update);
             }
@@ -332,15 +330,20 @@ impl Occupancy {
                 let around = parallel::up_to_planes(mesh.edges, region);
                 mesh.edges.for_edges_near(mesh.nodes, &around, &mut update);
             }
-            for region in changes.around_edges() {
+            wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
+                if is_linked || self.couplings[edge] != Coupling::PLAIN {
+                    links_lost |= self.update_edge(&scene, &wedges, edge, ends);
+                }
+            });
+            for region in changes.around_edges().iter().filter(|_| !wedges.are_none()) {
                 let around = parallel::up_to_planes(mesh.edges, region);
                 mesh.edges.for_edges_near(mesh.nodes, &around, |edge, ends| {
-                    if !self.stays_plain(&scene, edge) {
-                        links_lost |= self.update_edge(&scene, edge, ends);
+                    if !self.stays_plain(&wedges, edge, ends) {
+                        links_lost |= self.update_edge(&scene, &wedges, edge, ends);
                     }
                 });
             }
-            links_lost |= self.update_near_wedges(&scene);
+            self.wedges = wedges;
         }
         if let Some(mut negative) = self.negative.take() {
             links_lost |= self.update_negative(mesh.edges, &mut negative);
@@ -363,7 +366,6 @@ impl Occupancy {
         if scratch.frame == 0 {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
-            scratch.edge_passed.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
             self.negative.iter_mut().for_each(|negative| negative.forget_frames());
             self.wedges.forget_frames();
@@ -385,30 +387,16 @@ impl Occupancy {
         }
     }
 
-    /// Updates edges of nodes that make something else of edges of conductors than in the frame before.
-    fn update_near_wedges(&mut self, scene: &Scene<'_>) -> bool {
-        let mut links_lost = false;
-        for changed in 0..self.wedges.changed().len() {
-            let node = self.wedges.changed()[changed];
-            scene.mesh.edges.for_edges_at(node as usize, |edge, _| {
-                if let Some(ends) = scene.mesh.edges.ends(edge) {
-                    links_lost |= self.update_edge(scene, edge, ends);
-                }
-            });
-        }
-        links_lost
-    }
-
-    /// Whether an edge beside what changed of conductors is plain and none of them has an edge near.
-    fn stays_plain(&mut self, scene: &Scene<'_>, edge: usize) -> bool {
-        let Scratch { edge_seen, edge_passed, frame, .. } = &mut self.scratch;
-        edge_seen[edge] == *frame
-            || std::mem::replace(&mut edge_passed[edge], *frame) == *frame
-            || (self.couplings[edge] == Coupling::PLAIN && !scene.has_silhouette_near(edge))
+    /// Whether an edge beside what changed of conductors' edges stays as it is, unless what is at its ends changes: it is
+    /// all between wedges, or it is plain and no conductor has an edge beside it.
+    fn stays_plain(&self, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
+        let owners = ends.map(|node| self.conductor[node as usize]);
+        Scene::is_between_wedges(wedges.between(ends), owners)
+            || (self.couplings[edge] == Coupling::PLAIN && !wedges.may_be_beside(ends, owners))
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
-    fn update_edge(&mut self, scene: &Scene<'_>, edge: usize, ends: [u32; 2]) -> bool {
+    fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
         let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
         if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
             return false;
@@ -432,7 +420,7 @@ impl Occupancy {
                         rule.coupling(breaks)
                     }
                 };
-                let wedges = self.wedges.between(ends);
+                let wedges = wedges.between(ends);
                 let covered = if !scene.has_silhouettes || Scene::is_between_wedges(wedges, owners) {
                     cut
                 } else {

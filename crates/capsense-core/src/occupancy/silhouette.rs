@@ -126,12 +126,9 @@ impl Across {
 }
 
 impl Scene<'_> {
-    /// Whether a conductor has an edge in the box around an edge of the lattice.
-    pub(super) fn has_silhouette_near(&self, edge: usize) -> bool {
-        let Edges::Lattice(lattice) = self.mesh.edges else { return false };
-        let Some(tube) = Tube::of(lattice, edge) else { return false };
-        let bounds = tube.bounds();
-        (0..self.bounds.len()).any(|object| self.is_conductor(object) && self.has_edge_in(object, &bounds))
+    /// Whether a conductor has an edge in a box.
+    pub(super) fn has_edges_in(&self, bounds: &Aabb) -> bool {
+        (0..self.bounds.len()).any(|object| self.is_conductor(object) && self.has_edge_in(object, bounds))
     }
 
     fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {

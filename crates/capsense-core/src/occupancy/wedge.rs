@@ -23,7 +23,12 @@ use glam::DVec3;
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
 /// So many cells from an edge, nothing is known of it.
-pub(super) const FAR: usize = 2;
+const FAR: f64 = 1.5;
+/// Planes of nodes on either side of an edge that may be as near as that.
+const PLANES: usize = 2;
+
+/// The axis along which each node's own edge carries its link.
+const CARRIER: usize = 0;
 
 /// A right angle at which two faces of an object meet, seen from a point near it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,24 +44,55 @@ pub struct RightAngle {
 }
 
 impl RightAngle {
-    /// r^(2/3) sin(2θ/3) at a point, θ from one face to the other; zero in the object.
-    fn potential(&self, point: DVec3) -> f64 {
+    /// Where a point is: how far before either face, and along the edge.
+    fn coordinates(&self, point: DVec3) -> [f64; 3] {
         let from = point - self.place;
-        let along = self.normals[0].cross(self.normals[1]).dot(from);
-        let [p, q] =
-            [self.normals[0].dot(from) + 0.5 * along * along / self.radius, self.normals[1].dot(from)];
-        if p <= 0.0 && q <= 0.0 {
-            return 0.0;
-        }
-        let squared = p * p + q * q;
-        // From the bisector outside, angles are φ = θ - 3π/4.
-        let cosine = std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.sqrt();
-        let third = cosine_of_third(cosine);
-        squared.cbrt() * (2.0 * third * third - 1.0)
+        [self.normals[0].dot(from), self.normals[1].dot(from), self.along().dot(from)]
+    }
+
+    /// The direction of the edge.
+    fn along(&self) -> DVec3 {
+        self.normals[0].cross(self.normals[1])
     }
 }
 
-/// cos(φ/3) from cos φ, for |φ| up to 3π/4, by Newton's method on 4c³ - 3c = cos φ.
+/// Points around a node: itself, then its neighbours, and one more that makes the number even.
+const POINTS: usize = 8;
+
+/// Coordinates of points by a right angle, one array for each.
+#[derive(Clone, Copy, Default)]
+struct Places([[f64; POINTS]; 3]);
+
+impl Places {
+    fn set(&mut self, point: usize, place: [f64; 3]) {
+        (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
+    }
+
+    /// Whether no straight way between two of the points passes the object: a face is behind both of them.
+    fn see_each_other(&self, a: usize, b: usize) -> bool {
+        let [p, q, _] = &self.0;
+        p[a] >= 0.0 && p[b] >= 0.0 || q[a] >= 0.0 && q[b] >= 0.0
+    }
+
+    /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. No branches, so that several
+    /// points are one instruction.
+    fn potentials(&self, radius: f64) -> [f64; POINTS] {
+        let [p, q, along] = &self.0;
+        let bend = 0.5 / radius;
+        std::array::from_fn(|point| {
+            let (p, q) = (p[point] + bend * along[point] * along[point], q[point]);
+            let squared = p * p + q * q;
+            // From the bisector outside, angles are φ = θ - 3π/4.
+            let cosine = std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.max(f64::MIN_POSITIVE).sqrt();
+            let third = cosine_of_third(cosine);
+            let potential = cube_root(squared) * (2.0 * third * third - 1.0);
+            if p.max(q) > 0.0 { potential } else { 0.0 }
+        })
+    }
+}
+
+/// cos(φ/3) from cos φ, for |φ| up to 3π/4, by Newton's method on 4c³ - 3c = cos φ; wrong by less than 3e-8.
+#[inline(always)]
 fn cosine_of_third(cosine: f64) -> f64 {
     // The parabola through the values at 0, π/2 and 3π/4.
     let mut c = 0.8660 + cosine * (0.1871 - 0.0531 * cosine);
@@ -67,6 +103,20 @@ fn cosine_of_third(cosine: f64) -> f64 {
     c
 }
 
+/// The cube root of a number that is not negative, to about twelve digits: a third of its exponent, then two steps of
+/// Halley's method. That of the standard library is exact to the last bit and takes several times as long.
+#[inline(always)]
+fn cube_root(x: f64) -> f64 {
+    // The exponent's offset, 1023 · 2⁵², times two thirds, and what makes the largest error of the guess smallest.
+    const OFFSET: u64 = 0x2a9f_7893_0000_0000;
+    let mut y = f64::from_bits(x.to_bits() / 3 + OFFSET);
+    for _ in 0..2 {
+        let cube = y * y * y;
+        y *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    y
+}
+
 /// What a node near an edge of a conductor makes of its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AtWedge {
@@ -74,21 +124,18 @@ pub(super) struct AtWedge {
     object: u16,
     /// How much of the node's links to conductors is what the wedge makes of them.
     share: f32,
-    /// That share, as a factor of the weight of the node's edge along the first axis.
+    /// That share, as a factor of the weight of the edge that leads upwards along [`CARRIER`].
     link: f64,
+    /// Whether that is not all, and a conductor has an edge among the cells around.
+    is_beside: bool,
 }
 
 impl AtWedge {
-    pub(super) const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0 };
+    const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0, is_beside: false };
 
     /// Whether the edge rule has no share in what an end of an edge is linked to.
     fn is_all(&self, owner: u16) -> bool {
         self.share >= 1.0 || owner != NO_OBJECT
-    }
-
-    fn is(&self, other: &Self) -> bool {
-        let bits = |at: &Self| (at.object, at.share.to_bits(), at.link.to_bits());
-        bits(self) == bits(other)
     }
 }
 
@@ -99,14 +146,17 @@ pub(super) struct Wedges {
     at: Vec<AtWedge>,
     /// The frame in which each node was last looked at; regions overlap.
     seen: Vec<u8>,
-    /// Nodes of which it changed.
-    changed: Vec<u32>,
+    /// Nodes whose share in their links changed.
+    reshared: Vec<u32>,
+    /// Nodes of which their links alone changed.
+    relinked: Vec<u32>,
 }
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
     pub(super) fn update(&mut self, scene: &Scene<'_>, regions: &[Aabb], conductors: &[u16], frame: u8) {
-        self.changed.clear();
+        self.reshared.clear();
+        self.relinked.clear();
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.seen.resize(conductors.len(), 0);
@@ -114,14 +164,17 @@ impl Wedges {
         if self.at.is_empty() {
             return;
         }
-        let Self { at, seen, changed } = self;
+        let Self { at, seen, reshared, relinked } = self;
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &near, |node| {
                 if std::mem::replace(&mut seen[node], frame) != frame {
                     let now = scene.at_wedge(node, conductors);
-                    if !std::mem::replace(&mut at[node], now).is(&now) {
-                        changed.push(node as u32);
+                    let before = std::mem::replace(&mut at[node], now);
+                    if before.share.to_bits() != now.share.to_bits() {
+                        reshared.push(node as u32);
+                    } else if before.link.to_bits() != now.link.to_bits() || before.object != now.object {
+                        relinked.push(node as u32);
                     }
                 }
             });
@@ -133,9 +186,32 @@ impl Wedges {
         self.seen.fill(0);
     }
 
-    /// Nodes of which the last update changed what they make of edges.
-    pub(super) fn changed(&self) -> &[u32] {
-        &self.changed
+    /// Whether no edge of a conductor was ever looked for.
+    pub(super) fn are_none(&self) -> bool {
+        self.at.is_empty()
+    }
+
+    /// Visits the edges that the last update may have changed, and tells whether they carry a link that it changed. Others
+    /// only change if they are not plain.
+    pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
+        for &node in &self.relinked {
+            let edge = 3 * node as usize + CARRIER;
+            visit(edge, edges.ends_of_existing(edge), true);
+        }
+        for &node in &self.reshared {
+            edges.for_edges_at(node as usize, |edge, _| {
+                if let Some(ends) = edges.ends(edge) {
+                    visit(edge, ends, edge == 3 * node as usize + CARRIER);
+                }
+            });
+        }
+    }
+
+    /// Whether walls of conductors may pass beside an edge that is not all between wedges.
+    pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
+        let at = |end: usize| self.at.get(ends[end] as usize).filter(|at| !at.is_all(owners[end]));
+        // All that is beside an edge is among the cells around either of its ends.
+        [0, 1].into_iter().filter_map(at).map(|at| at.is_beside).reduce(|a, b| a && b).unwrap_or(false)
     }
 
     /// What the ends of an edge make of it, if one is near an edge of a conductor.
@@ -170,6 +246,24 @@ impl Star<'_> {
         0.5 * (way(false) + way(true))
     }
 
+    /// The way to the nearer neighbour along an axis.
+    fn narrowest(&self, axis: usize) -> f64 {
+        let way = |upwards| self.neighbour(axis, upwards).map_or(f64::INFINITY, |(_, way)| way);
+        way(false).min(way(true))
+    }
+
+    /// The box up to the neighbours, which holds all that is beside the node's edges.
+    fn bounds(&self) -> Aabb {
+        let planes = |axis: usize, index: usize| {
+            let planes = &self.lattice.axes()[axis];
+            planes[index.min(planes.len() - 1)]
+        };
+        let [i, j, k] = self.place;
+        let corner = |[i, j, k]: [usize; 3]| DVec3::new(planes(0, i), planes(1, j), planes(2, k));
+        let below = [i, j, k].map(|index| index.saturating_sub(1));
+        Aabb { min: corner(below), max: corner([i + 1, j + 1, k + 1]) }
+    }
+
     /// Cells between the node and a point, along the axis where there are most; no more than [`FAR`].
     fn cells_to(&self, point: DVec3) -> f64 {
         let along = |axis: usize| cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]);
@@ -182,7 +276,7 @@ impl Star<'_> {
 fn cells_to(planes: &[f64], index: usize, coordinate: f64) -> f64 {
     let upwards = coordinate > planes[index];
     let mut at = index;
-    for cells in 0..FAR {
+    for cells in 0..PLANES {
         let next = if upwards { at + 1 } else { at.wrapping_sub(1) };
         let plane = planes.get(next).copied().unwrap_or_else(|| {
             let last = if upwards { at - 1 } else { at + 1 };
@@ -190,11 +284,11 @@ fn cells_to(planes: &[f64], index: usize, coordinate: f64) -> f64 {
         });
         let part = (coordinate - planes[at]) / (plane - planes[at]);
         if part <= 1.0 || next >= planes.len() {
-            return (cells as f64 + part).min(FAR as f64);
+            return (cells as f64 + part).min(FAR);
         }
         at = next;
     }
-    FAR as f64
+    FAR
 }
 
 /// A region with all that is less than [`FAR`] cells away.
@@ -202,8 +296,8 @@ pub(super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
     let Edges::Lattice(lattice) = edges else { return *region };
     let mut grown = *region;
     for (axis, planes) in lattice.axes().iter().enumerate() {
-        let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(FAR);
-        let last = planes.partition_point(|&plane| plane <= region.max[axis]) + FAR;
+        let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(PLANES);
+        let last = planes.partition_point(|&plane| plane <= region.max[axis]) + PLANES;
         grown.min[axis] = planes[first].min(region.min[axis]);
         grown.max[axis] = planes[last.min(planes.len()) - 1].max(region.max[axis]);
     }
@@ -214,40 +308,44 @@ impl Scene<'_> {
     /// What an edge of a conductor near a node makes of it. `conductors` are those that hold nodes.
     fn at_wedge(&self, node: usize, conductors: &[u16]) -> AtWedge {
         let Edges::Lattice(lattice) = self.mesh.edges else { return AtWedge::NONE };
-        if self.mesh.terminals[node] != FREE || conductors[node] != NO_OBJECT {
+        if conductors[node] != NO_OBJECT {
             return AtWedge::NONE;
         }
         let star = Star { lattice, node, place: lattice.node_place(node) };
-        let Some((object, angle, share)) = self.nearest_edge(&star) else { return AtWedge::NONE };
-        let (Some((_, first)), true) = (star.neighbour(0, true), self.is_homogeneous(&star)) else {
-            return AtWedge::NONE;
-        };
-        let link =
-            share * self.link(&star, object, &angle, conductors) * first / star.width(1) / star.width(2);
-        AtWedge { object: object as u16, share: share as f32, link }
+        let linked = if self.mesh.terminals[node] == FREE { self.linked(&star, conductors) } else { None };
+        let at = linked.unwrap_or(AtWedge::NONE);
+        let is_beside = at.share < 1.0 && self.has_edges_in(&star.bounds());
+        AtWedge { is_beside, ..at }
+    }
+
+    /// The link of a node that is near an edge of a conductor.
+    fn linked(&self, star: &Star<'_>, conductors: &[u16]) -> Option<AtWedge> {
+        let (object, angle, share) = self.nearest_edge(star)?;
+        let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
+        let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
+        let link = share * self.link(star, object, &angle, conductors) * length / area;
+        Some(AtWedge { object: object as u16, share: share as f32, link, is_beside: false })
     }
 
     /// The edge of a conductor that is nearest to a node, and its share in the node's links.
     fn nearest_edge(&self, star: &Star<'_>) -> Option<(usize, RightAngle, f64)> {
         let point = self.mesh.nodes[star.node];
+        let is_alone = self.bounds.len() == 1;
         let mut found = None;
         let mut share = 1.0_f64;
         for (object, bounds) in self.bounds.iter().enumerate() {
-            let cells = star.cells_to(point.clamp(bounds.min, bounds.max));
-            if cells >= FAR as f64 {
+            let cells = if is_alone { 0.0 } else { star.cells_to(point.clamp(bounds.min, bounds.max)) };
+            if cells >= FAR {
                 continue;
             }
-            if found.is_none() && self.is_conductor(object) {
-                let near = self.surfaces.right_angle_near(object, point);
-                found = near
-                    .map(|angle| (object, angle, share_of(star, &angle)))
-                    .filter(|&(_, _, own)| own > 0.0);
-                if let Some((_, _, own)) = found {
-                    share = share.min(own);
-                    continue;
-                }
+            let near = (found.is_none() && self.is_conductor(object))
+                .then(|| self.surfaces.right_angle_near(object, point))
+                .flatten()
+                .map(|angle| (object, angle, share_of(star, &angle)));
+            match near {
+                Some((.., own)) if own > 0.0 => (found, share) = (near, share.min(own)),
+                _ => share = share.min(((cells - NEAR) / (FAR - NEAR)).max(0.0)),
             }
-            share = share.min((cells - NEAR).max(0.0));
         }
         found.filter(|_| share > 0.0).map(|(object, angle, _)| (object, angle, share))
     }
@@ -271,25 +369,31 @@ impl Scene<'_> {
     /// Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
     fn link(&self, star: &Star<'_>, object: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
         let point = self.mesh.nodes[star.node];
-        let own = angle.potential(point);
+        let own = angle.coordinates(point);
+        let steps = [angle.normals[0], angle.normals[1], angle.along()];
         let widths = [star.width(0), star.width(1), star.width(2)];
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
-        for axis in 0..3 {
-            let area = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
-            for upwards in [false, true] {
-                let Some((neighbour, distance)) = star.neighbour(axis, upwards) else { continue };
-                let to = self.mesh.nodes[neighbour];
-                let is_cut = usize::from(conductors[neighbour]) == object
-                    || self.surfaces.span(object, point, to).is_some();
-                if !is_cut {
-                    let (weight, potential) = (area / distance, angle.potential(to));
-                    sum += weight * potential;
-                    of_weights += weight;
-                    highest = highest.max(potential);
-                }
+        let mut places = Places::default();
+        let mut weights = [0.0; POINTS];
+        places.set(0, own);
+        for neighbour in 1..POINTS - 1 {
+            let (axis, upwards) = ((neighbour - 1) / 2, neighbour % 2 == 0);
+            let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
+            let step = if upwards { distance } else { -distance };
+            places.set(neighbour, [0, 1, 2].map(|of: usize| own[of] + step * steps[of][axis]));
+            let is_seen = places.see_each_other(0, neighbour)
+                || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
+            if is_seen && usize::from(conductors[node]) != object {
+                weights[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
             }
         }
-        sum / own.max(SMALLEST_PART * highest) - of_weights
+        let potentials = places.potentials(angle.radius);
+        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
+        for (weight, potential) in weights.into_iter().zip(potentials) {
+            sum += weight * potential;
+            of_weights += weight;
+            highest = f64::max(highest, potential);
+        }
+        sum / potentials[0].max(SMALLEST_PART * highest) - of_weights
     }
 
     /// Whether nothing but the edge itself and wedges at its ends matter for what is left of it.
@@ -320,7 +424,7 @@ impl Scene<'_> {
                 coupling.object[end] = NO_OBJECT;
             }
         }
-        if axis == 0 && ends[0].link != 0.0 {
+        if axis == CARRIER && ends[0].link != 0.0 {
             coupling.object[0] = ends[0].object;
             coupling.factor[0] += ends[0].link;
         }
@@ -330,22 +434,21 @@ impl Scene<'_> {
 
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
 fn share_of(star: &Star<'_>, angle: &RightAngle) -> f64 {
-    let along = angle.normals[0].cross(angle.normals[1]).abs();
-    let narrowest = |axis: usize| {
-        let way = |upwards| star.neighbour(axis, upwards).map_or(f64::INFINITY, |(_, way)| way);
-        way(false).min(way(true))
-    };
-    let cell = along.x * narrowest(0) + along.y * narrowest(1) + along.z * narrowest(2);
+    let part = ((FAR - star.cells_to(angle.place)) / (FAR - NEAR)).min(1.0);
+    if part <= 0.0 {
+        return 0.0;
+    }
+    let along = angle.along().abs();
+    let cell = along.x * star.narrowest(0) + along.y * star.narrowest(1) + along.z * star.narrowest(2);
     let from_ends = (angle.inside / cell).clamp(0.0, 1.0);
     let is_straight = (angle.radius / cell - 1.0).clamp(0.0, 1.0);
-    let part = ((FAR as f64 - star.cells_to(angle.place)) / (FAR as f64 - NEAR)).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part) * from_ends * is_straight
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::{FRAC_PI_4, SQRT_2};
+    use std::f64::consts::FRAC_PI_4;
 
     #[test]
     fn the_potential_is_that_of_a_wedge() {
@@ -360,16 +463,28 @@ mod tests {
             let theta = 6.0 * FRAC_PI_4 * f64::from(step) / 60.0;
             for r in [1e-6, 0.02, 3.0_f64] {
                 let (sine, cosine) = theta.sin_cos();
-                let point = angle.place + r * DVec3::new(sine, 5.0, -cosine);
+                let mut places = Places::default();
+                places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
+                places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
+                let [found, within, at_edge, ..] = places.potentials(angle.radius);
                 let expected = r.powf(2.0 / 3.0) * (2.0 / 3.0 * theta).sin();
-                let found = angle.potential(point);
                 assert!(
-                    (found - expected).abs() < 1e-9 * r.powf(2.0 / 3.0),
+                    (found - expected).abs() < 2e-7 * r.powf(2.0 / 3.0),
                     "{theta} {r}: {found} {expected}"
                 );
+                assert_eq!([within, at_edge], [0.0; 2]);
             }
         }
-        assert_eq!(angle.potential(angle.place - DVec3::new(SQRT_2, 0.0, 0.5)), 0.0);
+    }
+
+    #[test]
+    fn cube_roots_have_eight_digits() {
+        for power in -60..60 {
+            for part in 0..20 {
+                let x = 2.0_f64.powi(power) * (1.0 + 0.05 * f64::from(part));
+                assert!((cube_root(x) / x.cbrt() - 1.0).abs() < 1e-8, "{x}");
+            }
+        }
     }
 
     #[test]
@@ -378,6 +493,6 @@ mod tests {
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
         let cells = places.map(|(index, coordinate)| cells_to(&planes, index, coordinate));
-        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
+        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 1.5]);
     }
 }
