@@ -12,7 +12,7 @@ use crate::electrode::Electrode;
 use crate::mesh::{Lattice, TetMesh};
 use design::check_names;
 use glam::DVec3;
-use rim::{Ground, Linked, Rim, rim_on_lattice, rims_of_sheets};
+use rim::{Ground, Linked, Rim, rim_of_cut, rim_on_lattice, rims_of_sheets};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
 pub type Terminal = u16;
@@ -102,15 +102,22 @@ impl Sensor {
         let mut sensor = Self::without_electrodes(mesh, ground)?;
         let flat = sensor.flat;
         for (index, (name, nodes)) in electrodes.into_iter().enumerate() {
-            let (nodes, shape) = match nodes {
-                ElectrodeNodes::Nodes(nodes) => (nodes, None),
-                ElectrodeNodes::Shape(shape) => {
-                    (nodes_where(&sensor.mesh, |node| shape.owns(node, flat)), Some(shape))
-                }
-            };
             sensor.electrode_names.push(name.clone());
+            let (nodes, shape, rim) = match nodes {
+                ElectrodeNodes::Nodes(nodes) => (nodes, None, None),
+                ElectrodeNodes::Shape(shape) => match rim_of_cut(&sensor.mesh, &shape, flat) {
+                    Some(rim) => (Vec::new(), None, Some(sensor.with_ground_held(rim))),
+                    None => {
+                        let nodes = nodes_where(&sensor.mesh, |node| shape.owns(node, flat));
+                        (nodes, Some(shape), None)
+                    }
+                },
+            };
             sensor.shapes.push(shape);
-            sensor.claim(index as Terminal + 1, &name, &nodes)?;
+            match rim {
+                Some(rim) => sensor.claim_with_rim(index, &name, &rim)?,
+                None => sensor.claim(index as Terminal + 1, &name, &nodes)?,
+            }
         }
         sensor.release_rims();
         check_reachable(&sensor.mesh, &sensor.owners)?;
@@ -181,12 +188,26 @@ impl Sensor {
         Ok(())
     }
 
-    /// Frees the nodes at the rims of sheets and links them.
+    /// The rim with its grounded nodes within the outline held: they are the electrode's.
+    fn with_ground_held(&self, mut rim: Rim) -> Rim {
+        let grounded = |linked: &Linked| self.terminals[linked.node as usize] == GROUND;
+        rim.held.extend(
+            rim.linked.iter().filter(|linked| linked.inside && grounded(linked)).map(|linked| linked.node),
+        );
+        rim
+    }
+
+    /// Frees the nodes at the rims of sheets and links them. Electrodes that have links keep them.
     fn release_rims(&mut self) {
-        self.rim = rims_of_sheets(&self.mesh, &self.owners);
-        for link in &self.rim {
+        let mut linked = vec![false; self.electrode_names.len()];
+        self.rim.iter().for_each(|link| linked[usize::from(link.electrode)] = true);
+        let has_links = |owner: Terminal| owner != GROUND && owner != FREE && linked[usize::from(owner) - 1];
+        let unlinked = self.owners.iter().map(|&owner| if has_links(owner) { FREE } else { owner });
+        let links = rims_of_sheets(&self.mesh, &unlinked.collect::<Vec<_>>());
+        for link in &links {
             self.terminals[link.node as usize] = FREE;
         }
+        self.rim.extend(links);
     }
 
     fn claim(&mut self, terminal: Terminal, name: &str, nodes: &[u32]) -> Result<(), SensorError> {
@@ -261,7 +282,8 @@ impl Sensor {
             // There, links do it.
             return None;
         }
-        let owner = |node: u32| match self.terminals[node as usize] {
+        // Nodes at a rim that edges follow are free, but lie within the outline.
+        let owner = |node: u32| match self.owners[node as usize] {
             GROUND | FREE => None,
             electrode => Some(usize::from(electrode) - 1),
         };

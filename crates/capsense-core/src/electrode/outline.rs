@@ -130,6 +130,16 @@ impl Outline {
         }
     }
 
+    /// The corners, unless they are so blunt that they may stand for a curve.
+    pub(crate) fn sharp_corners(&self) -> Vec<DVec2> {
+        match self {
+            Self::Rectangle { .. } | Self::Disk { .. } => self.convex_corners(),
+            Self::Polygon(_) | Self::Contours(_) => {
+                polygon::sharp_corners(self.contours(), SHARPEST_OF_CURVES)
+            }
+        }
+    }
+
     /// Coordinates along an axis (0: x, 1: y) of the sides perpendicular to it, ascending: planes that a lattice
     /// should have.
     pub fn axis_planes(&self, axis: usize) -> Vec<f64> {

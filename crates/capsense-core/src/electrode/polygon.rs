@@ -62,6 +62,20 @@ pub(super) fn convex_corners(contours: &[Vec<DVec2>], sharpest: f64) -> Vec<DVec
     convex
 }
 
+/// The corners where the cosine between the two sides is above a number.
+pub(super) fn sharp_corners(contours: &[Vec<DVec2>], sharpest: f64) -> Vec<DVec2> {
+    let corners = contours.iter().flat_map(|contour| {
+        let before = contour.iter().cycle().skip(contour.len().saturating_sub(1));
+        before.zip(sides(contour)).map(|(&before, [p, after])| [before, p, after])
+    });
+    corners
+        .filter(|[before, p, after]| {
+            (*before - *p).normalize_or_zero().dot((*after - *p).normalize_or_zero()) > sharpest
+        })
+        .map(|[_, p, _]| p)
+        .collect()
+}
+
 /// Why some contours are no outline, if they are none.
 pub(super) fn defect(contours: &[Vec<DVec2>]) -> Option<&'static str> {
     if contours.is_empty() || contours.iter().any(|contour| contour.len() < 3) {

@@ -6,12 +6,17 @@
 //! not held but linked to their electrode, by the weight with which the far field of the discrete rim is that of a rim
 //! in its true place.
 
+mod cut;
 mod half_plane;
 mod lattice;
 mod place;
+mod plane;
+mod relax;
 mod sheet;
 mod side;
+mod tube;
 
+pub(super) use cut::rim_of_cut;
 pub(super) use lattice::{Ground, rim_on_lattice};
 pub(super) use sheet::rims_of_sheets;
 

@@ -18,7 +18,7 @@ pub(super) struct Place {
 #[derive(Clone, Debug)]
 pub(super) struct Places<'a> {
     outline: &'a Outline,
-    convex_corners: Vec<DVec2>,
+    pub(super) convex_corners: Vec<DVec2>,
 }
 
 impl<'a> Places<'a> {

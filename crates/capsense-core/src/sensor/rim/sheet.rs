@@ -185,7 +185,7 @@ fn kappa(half_lengths: &[((Terminal, u32), f64)], balances: &BTreeMap<u32, Balan
 }
 
 /// ∫ 1/(4r) over a tetrahedron, which is divided where it is near the rim.
-fn exact_energy(frame: &Frame, corners: [DVec3; 4], divisions: usize) -> f64 {
+pub(super) fn exact_energy(frame: &Frame, corners: [DVec3; 4], divisions: usize) -> f64 {
     let centroid = corners.into_iter().sum::<DVec3>() / 4.0;
     let reach = corners.into_iter().map(|corner| corner.distance(centroid)).fold(0.0, f64::max);
     if divisions > 0 && frame.distance(centroid) < 4.0 * reach {

@@ -53,6 +53,11 @@ impl Frame {
         Some(Self { origin: a, along, out: -inward })
     }
 
+    /// Around a line in a plane z = const, across which a unit vector leads out of the sheet.
+    pub(super) fn across_line(origin: DVec3, out: DVec3) -> Self {
+        Self { origin, along: DVec3::Z.cross(out), out }
+    }
+
     fn across(&self, point: DVec3) -> DVec3 {
         let from = point - self.origin;
         from - self.along * from.dot(self.along)
