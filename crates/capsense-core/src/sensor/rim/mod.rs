@@ -11,6 +11,7 @@ mod lattice;
 mod place;
 mod sheet;
 mod side;
+mod stack;
 
 pub(super) use lattice::{Ground, rim_on_lattice};
 pub(super) use sheet::rims_of_sheets;
