@@ -145,8 +145,10 @@ fn markdown(cases: &[Case], quick: bool) -> Result<String> {
             let _ = write!(text, "\n| {} | {rim} | {picofarads} |", case.name);
             for (&cells, reference) in across.iter().zip(&references) {
                 let errors = case.errors(cells, held, *reference)?;
-                let [low, high] = span(&errors);
                 let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+                // Without the sign of what rounds to zero.
+                let rounded = |error: f64| (100.0 * error).round() / 100.0 + 0.0;
+                let ([low, high], mean) = (span(&errors).map(rounded), rounded(mean));
                 let _ = match errors.len() {
                     1 => write!(text, " {mean:.2} |"),
                     _ => write!(text, " {mean:.2} ({low:.2} to {high:.2}) |"),
