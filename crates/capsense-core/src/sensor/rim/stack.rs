@@ -35,9 +35,10 @@ impl Stack {
         self.first
     }
 
-    /// Whether all cells are the same for ever.
+    /// Whether it is one medium for ever. Cells of it that grow away from the plane count as if all had the height of the
+    /// first: what they do to long waves is no matter of the rim.
     pub(super) fn is_uniform(&self) -> bool {
-        !self.is_held && self.others.iter().all(|other| *other == self.first)
+        !self.is_held && self.others.iter().all(|other| other.permittivity == self.first.permittivity)
     }
 
     /// The same in another unit of length.
