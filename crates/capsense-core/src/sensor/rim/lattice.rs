@@ -23,7 +23,7 @@ const NEAR_CORNER: f64 = 2.0;
 /// At corners rims of smaller shares, as of cells four times as high as wide, count as if they had this one.
 const SMALLEST_AT_CORNERS: f64 = 0.1;
 
-/// How far above and below a rim cells are looked at, in their widths: what is further away hardly matters to how the
+/// How far above and below a rim cells are looked at, in distances of rows: what is further away hardly matters to how the
 /// field at a rim of the lattice differs from that at a true rim.
 const LOOK: f64 = 3.0;
 
@@ -62,7 +62,7 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
                 let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
-                let near_rim = || Surroundings::of(ground, [i, j, k], size).link(&place);
+                let near_rim = || Surroundings { ground, place: [i, j, k], size }.link(&place);
                 match link_of_far(&place, size, height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
@@ -93,18 +93,15 @@ enum Link {
 }
 
 /// The cell of the dual lattice around a node.
-struct Surroundings {
+struct Surroundings<'a> {
+    ground: Ground<'a>,
+    /// Of the node.
+    place: [usize; 3],
     /// Size in the plane.
     size: DVec2,
-    /// Above and below, in metres.
-    stacks: [Stack; 2],
 }
 
-impl Surroundings {
-    fn of(ground: Ground<'_>, place: [usize; 3], size: DVec2) -> Self {
-        Self { size, stacks: [true, false].map(|up| ground.stack(place, LOOK * size.max_element(), up)) }
-    }
-
+impl Surroundings<'_> {
     fn link(&self, place: &Place) -> Link {
         let near_corner =
             place.corner.filter(|corner| (corner.from.abs() / self.size).max_element() < NEAR_CORNER);
@@ -125,7 +122,8 @@ impl Surroundings {
     /// along the axes and, on squares, along diagonals.
     fn across(&self, normal: DVec2, distance: f64) -> Shared {
         let rows = 1.0 / (normal.abs() / self.size).element_sum();
-        let stacks = self.stacks.each_ref().map(|stack| stack.in_units_of(rows));
+        let stack = |up| self.ground.stack(self.place, LOOK * rows, up).in_units_of(rows);
+        let stacks = [true, false].map(stack);
         let half_plane = HalfPlane::new(&stacks);
         let plates: f64 = stacks.iter().map(Stack::plate).sum();
         Shared {
