@@ -7,10 +7,14 @@ mod cases;
 mod continuity;
 #[path = "../examples/accuracy/measure.rs"]
 mod measure;
+#[path = "../examples/accuracy/plates.rs"]
+mod plates;
 #[path = "../examples/accuracy/plot.rs"]
 mod plot;
 #[path = "../examples/accuracy/references.rs"]
 mod references;
+#[path = "../examples/accuracy/rims.rs"]
+mod rims;
 #[path = "../examples/accuracy/statistics.rs"]
 mod statistics;
 
@@ -75,4 +79,23 @@ fn curves_are_drawn() {
     let drawing = plot::plot(&curves).unwrap();
     assert!(drawing.starts_with("<svg") && drawing.trim_end().ends_with("</svg>"));
     assert_eq!(drawing.matches("[mm]").count(), 2 * WAYS.len(), "two charts for each way");
+}
+
+/// Cells four times as high as the plate's eighth are too high for what is said of rims.
+#[test]
+fn plates_of_eight_cells_are_exact_to_a_percent() {
+    for case in rims::in_air().into_iter().chain(rims::on_board()) {
+        let allowed = if case.name == "cells 4 times as high" { 1.5 } else { 0.6 };
+        for error in case.errors(8, false, case.reference(8)).unwrap() {
+            assert!(error.abs() < allowed, "{}: {error} %", case.name);
+        }
+    }
+}
+
+/// By symmetry, where the board fills the half of the box below the plate.
+#[test]
+fn references_of_plates_are_exact() {
+    let half_filled = rims::on_board().into_iter().find(|case| case.name == "down to the wall").unwrap();
+    let ratio = half_filled.reference(8) / rims::in_air()[0].reference(8);
+    assert!((ratio / 2.7 - 1.0).abs() < 1e-12, "{ratio}");
 }

@@ -5,14 +5,17 @@
 //! cargo run --release --example accuracy                 # tables of errors; --quick for small lattices
 //! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
+//! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
 //! ```
 
 mod cases;
 mod continuity;
 mod converge;
 mod measure;
+mod plates;
 mod plot;
 mod references;
+mod rims;
 mod statistics;
 mod table;
 
@@ -33,6 +36,7 @@ enum Command {
     Table(table::TableArguments),
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
+    Rims(rims::RimsArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -42,5 +46,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Table(arguments)) => table::table(&arguments),
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
+        Some(Command::Rims(arguments)) => rims::rims(&arguments),
     }
 }

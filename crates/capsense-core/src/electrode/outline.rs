@@ -210,7 +210,7 @@ impl Outline {
     }
 
     /// Its straight sides; a disk has none.
-    fn sides(&self) -> impl Iterator<Item = [DVec2; 2]> {
+    pub(crate) fn sides(&self) -> impl Iterator<Item = [DVec2; 2]> {
         let rectangle = matches!(self, Self::Rectangle { .. }).then(|| {
             let corners = self.corners_of_bounds();
             std::array::from_fn::<_, 4, _>(|k| [corners[k], corners[(k + 1) % 4]])

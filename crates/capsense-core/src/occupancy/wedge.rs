@@ -23,7 +23,7 @@ use glam::DVec3;
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
 /// So many cells from an edge, nothing is known of it.
-const FAR: f64 = 1.5;
+const FAR: f64 = 2.0;
 /// Planes of nodes on either side of an edge that may be as near as that.
 const PLANES: usize = 2;
 
@@ -509,6 +509,6 @@ mod tests {
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
         let cells = places.map(|(index, coordinate)| cells_to(&planes, index, coordinate));
-        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 1.5]);
+        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
     }
 }

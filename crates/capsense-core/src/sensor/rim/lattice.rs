@@ -1,7 +1,8 @@
 //! Rims on a lattice: outlines along lattice lines, across them, and curved.
 
 use super::half_plane::HalfPlane;
-use super::place::{Place, Places};
+use super::place::{Corner, Place, Places};
+use super::stack::{Cell, Stack};
 use super::{Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
@@ -11,12 +12,23 @@ use glam::DVec2;
 /// Links of a share closer to 1 weigh so much more than edges that the node is as good as held.
 const LARGEST_SHARE: f64 = 0.999;
 
-/// The share of a node on a convex corner, in parts of that of a straight rim: with it, square plates of few cells have
-/// the capacitance that they have on fine lattices, whether cells are flat or high.
+/// The share of a node on a convex corner between sides along the lattice, in parts of that of a straight rim: with it,
+/// square plates of few cells have the capacitance that they have on fine lattices, whether cells are flat or high.
 const CONVEX_CORNER: f64 = 0.766;
 
-/// Nodes closer to a corner than this part of a cell lie on it.
-const ON_CORNER: f64 = 1e-6;
+/// Nodes closer to a convex corner than so many cells, along either axis, are told of both of its sides. Those further
+/// away have at most one that is so near that it matters.
+const NEAR_CORNER: f64 = 2.0;
+
+/// At corners rims of smaller shares, as of cells four times as high as wide, count as if they had this one.
+const SMALLEST_AT_CORNERS: f64 = 0.1;
+
+/// How far above and below a rim cells are looked at, in distances of rows: what is further away hardly matters to how the
+/// field at a rim of the lattice differs from that at a true rim.
+const LOOK: f64 = 3.0;
+
+/// Nodes closer to the outline than this part of a cell lie on it.
+const ON_RIM: f64 = 1e-6;
 
 /// A lattice and what is known of it before its electrodes are.
 #[derive(Clone, Copy, Debug)]
@@ -48,9 +60,9 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                     continue;
                 }
                 let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
-                let place = places.at(DVec2::new(xs[i], ys[j]), ON_CORNER * size.min_element());
+                let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
-                let near_rim = || Cell::around(ground, [i, j, k], size).link(&place);
+                let near_rim = || Surroundings { ground, place: [i, j, k], size }.link(&place);
                 match link_of_far(&place, size, height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
@@ -70,7 +82,7 @@ fn link_of_far(place: &Place, size: DVec2, height: f64) -> Option<Link> {
     if place.distance >= rows {
         return Some(Link::None);
     }
-    let held = HalfPlane::depth_of_share(LARGEST_SHARE / CONVEX_CORNER, rows, height);
+    let held = HalfPlane::depth_of_share(1.0, rows, height);
     (-place.distance >= held).then_some(Link::Held)
 }
 
@@ -81,93 +93,98 @@ enum Link {
 }
 
 /// The cell of the dual lattice around a node.
-struct Cell {
+struct Surroundings<'a> {
+    ground: Ground<'a>,
+    /// Of the node.
+    place: [usize; 3],
     /// Size in the plane.
     size: DVec2,
-    /// Above and below.
-    sides: [Side; 2],
 }
 
-/// What is on one side of the plane.
-struct Side {
-    /// Height of the lattice cell.
-    height: f64,
-    /// Of that cell.
-    permittivity: f64,
-    /// ∫ dz/ε up to the nearest node that is held, as by a shield; infinite if that is further away than a cell is wide.
-    to_shield: f64,
-}
-
-impl Cell {
-    fn around(ground: Ground<'_>, place: [usize; 3], size: DVec2) -> Self {
-        Self { size, sides: [true, false].map(|up| Side::of(ground, place, size, up)) }
-    }
-
+impl Surroundings<'_> {
     fn link(&self, place: &Place) -> Link {
-        // A corner counts at the four nodes around it, as much as each is near.
-        let near = place
-            .from_corner
-            .map_or(0.0, |from| (1.0 - from.abs() / self.size).max(DVec2::ZERO).element_product());
-        let part = 1.0 - (1.0 - CONVEX_CORNER) * near;
-        let (share, weight) = match place.distance == 0.0 && near > 0.999 {
-            true => {
-                let [x, y] = [DVec2::X, DVec2::Y].map(|normal| self.across(normal, 0.0, part));
-                (0.5 * (x.0 + y.0), 0.5 * (x.1 + y.1))
-            }
-            false => self.across(place.normal, place.distance, part),
+        let near_corner =
+            place.corner.filter(|corner| (corner.from.abs() / self.size).max_element() < NEAR_CORNER);
+        let Shared { share, weight, .. } = match near_corner {
+            Some(corner) => self.at_corner(&corner),
+            None => self.across(place.normal, place.distance),
         };
         if share >= LARGEST_SHARE {
             Link::Held
-        } else if weight > 0.0 {
-            Link::Weight(weight)
+        } else if share > 0.0 {
+            Link::Weight(weight * share / (1.0 - share))
         } else {
             Link::None
         }
     }
 
-    /// Share and weight of a node at a distance outside of a straight rim, the share reduced to a part of it. Oblique rims
-    /// have rows closer to each other, of nodes further apart: exact along the axes and, on squares, along diagonals.
-    fn across(&self, normal: DVec2, distance: f64, part: f64) -> (f64, f64) {
+    /// At a distance outside of a straight rim. Oblique rims have rows closer to each other, of nodes further apart: exact
+    /// along the axes and, on squares, along diagonals.
+    fn across(&self, normal: DVec2, distance: f64) -> Shared {
         let rows = 1.0 / (normal.abs() / self.size).element_sum();
-        let [above, below] = &self.sides;
-        let permittivity = [above.permittivity, below.permittivity];
-        let half_plane = HalfPlane::new([above.height / rows, below.height / rows], permittivity);
-        let share = part * half_plane.share(distance / rows);
-        let open = half_plane.link(share.clamp(0.0, LARGEST_SHARE));
-        // Over a shield that is nearer than the next row, the field goes straight down: a plate capacitor, of which the
-        // electrode covers a part.
-        let covered = (0.5 - distance / rows).clamp(0.0, LARGEST_SHARE);
-        let plate = |side: &Side| rows / side.to_shield * covered / (1.0 - covered);
-        let sum = permittivity[0] + permittivity[1];
-        let weight: f64 =
-            self.sides.iter().map(|side| f64::max(open * side.permittivity / sum, plate(side))).sum();
-        (share, self.size.element_product() / rows * weight)
+        let stack = |up| self.ground.stack(self.place, LOOK * rows, up).in_units_of(rows);
+        let stacks = [true, false].map(stack);
+        let half_plane = HalfPlane::new(&stacks);
+        let plates: f64 = stacks.iter().map(Stack::plate).sum();
+        Shared {
+            share: half_plane.share(distance / rows).clamp(0.0, 1.0),
+            on_rim: half_plane.share(0.0),
+            weight: self.size.element_product() / rows * half_plane.weight,
+            spreading: (1.0 - plates / half_plane.weight).max(0.0),
+        }
+    }
+
+    /// Where a field goes straight down to a shield, what counts is the covered part of a node's cell: the product of what
+    /// either side leaves of it. A field that spreads is stronger at corners, and the share is larger by an excess. It
+    /// vanishes where either side has all of the node, and for a node on the corner it gives the share that is known.
+    fn at_corner(&self, corner: &Corner) -> Shared {
+        let [a, b] = corner.normals.map(|normal| self.across(normal, normal.dot(corner.from)));
+        let on_rim = (0.5 * (a.on_rim + b.on_rim)).clamp(SMALLEST_AT_CORNERS, CONVEX_CORNER);
+        let excess = (CONVEX_CORNER / on_rim - 1.0) / (1.0 - on_rim).powi(2);
+        let spreading = 0.5 * (a.spreading + b.spreading);
+        let [left_by_a, left_by_b] = [a, b].map(|side| 1.0 - side.share);
+        let share = a.share * b.share * (1.0 + spreading * excess * left_by_a * left_by_b);
+        // Of the side that matters more.
+        let part_of_a = if left_by_a > 0.0 { left_by_a / (left_by_a + left_by_b) } else { 0.0 };
+        let weight = part_of_a * a.weight + (1.0 - part_of_a) * b.weight;
+        Shared { share: share.min(1.0), weight, on_rim, spreading }
     }
 }
 
-impl Side {
-    fn of(ground: Ground<'_>, [i, j, k]: [usize; 3], size: DVec2, up: bool) -> Self {
-        let zs = &ground.lattice.axes()[2];
-        let layer = |k: usize| if up { k } else { k - 1 };
-        let next = |k: usize| if up { k + 1 } else { k - 1 };
-        let height = |k: usize| zs[layer(k) + 1] - zs[layer(k)];
-        let (mut at, mut depth, mut to_shield) = (k, 0.0, 0.0);
-        loop {
-            depth += height(at);
-            to_shield += height(at) / ground.mean_permittivity([i, j, layer(at)]);
-            at = next(at);
-            let held = ground.terminals[ground.lattice.node_index([i, j, at])] != FREE;
-            let beyond = depth > size.max_element() || at == 0 || at + 1 == zs.len();
-            if held || beyond {
-                let to_shield = if held && depth <= size.max_element() { to_shield } else { f64::INFINITY };
-                let permittivity = ground.mean_permittivity([i, j, layer(k)]);
-                return Self { height: height(k), permittivity, to_shield };
-            }
-        }
-    }
+/// How a node is shared between what is free and the electrode.
+#[derive(Clone, Copy, Debug)]
+struct Shared {
+    /// From 0, of a free node, to 1, of one that is held.
+    share: f64,
+    /// What it is for nodes on the rim.
+    on_rim: f64,
+    /// Weight of a link for a share of 1/2.
+    weight: f64,
+    /// The part of the weight that is not that of the plate capacitors down and up to shields.
+    spreading: f64,
 }
 
 impl Ground<'_> {
+    /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield.
+    fn stack(&self, [i, j, k]: [usize; 3], depth: f64, up: bool) -> Stack {
+        let zs = &self.lattice.axes()[2];
+        let mut cells = Vec::new();
+        let (mut at, mut seen) = (k, 0.0);
+        loop {
+            let layer = if up { at } else { at - 1 };
+            let height = zs[layer + 1] - zs[layer];
+            cells.push(Cell { height, permittivity: self.mean_permittivity([i, j, layer]) });
+            seen += height;
+            at = if up { at + 1 } else { at - 1 };
+            let is_held = self.terminals[self.lattice.node_index([i, j, at])] != FREE;
+            // Give or take rounding, so that mirrored nodes see as many cells.
+            if is_held || seen >= 0.999 * depth || at == 0 || at + 1 == zs.len() {
+                let first = cells.remove(0);
+                return Stack::new(first, cells, is_held);
+            }
+        }
+    }
+
     /// Mean over the four cells of a layer around a node that is not at the wall, weighted with their areas.
     fn mean_permittivity(&self, [i, j, layer]: [usize; 3]) -> f64 {
         let [xs, ys, _] = self.lattice.axes();

@@ -14,6 +14,7 @@ mod plane;
 mod relax;
 mod sheet;
 mod side;
+mod stack;
 mod tube;
 
 pub(super) use cut::rim_of_cut;

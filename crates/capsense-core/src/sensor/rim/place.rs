@@ -10,20 +10,47 @@ pub(super) struct Place {
     pub(super) distance: f64,
     /// Unit vector out of the electrode across the rim.
     pub(super) normal: DVec2,
-    /// From the nearest corner that the electrode fills less than half of.
-    pub(super) from_corner: Option<DVec2>,
+    /// The nearest corner that the electrode fills less than half of.
+    pub(super) corner: Option<Corner>,
+}
+
+/// A corner, seen from a point in its plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Corner {
+    /// Where the point is from the corner.
+    pub(super) from: DVec2,
+    /// Unit vectors out of the electrode across its two sides.
+    pub(super) normals: [DVec2; 2],
 }
 
 /// An outline and what need be found out of it only once.
 #[derive(Clone, Debug)]
 pub(super) struct Places<'a> {
     outline: &'a Outline,
-    pub(super) convex_corners: Vec<DVec2>,
+    /// Seen from the origin.
+    convex_corners: Vec<Corner>,
 }
 
 impl<'a> Places<'a> {
     pub(super) fn of(outline: &'a Outline) -> Self {
-        Self { outline, convex_corners: outline.convex_corners() }
+        let corners = outline.convex_corners();
+        let seen = corners.into_iter().filter_map(|corner| {
+            let of_side = |[p, q]: [DVec2; 2]| match (p == corner, q == corner) {
+                (true, false) => (q - p).try_normalize(),
+                (false, true) => (p - q).try_normalize(),
+                _ => None,
+            };
+            let mut along = outline.sides().filter_map(of_side);
+            let (first, second) = (along.next()?, along.next()?);
+            let away = |side: DVec2, other: DVec2| side.perp() * -side.perp().dot(other).signum();
+            Some(Corner { from: -corner, normals: [away(first, second), away(second, first)] })
+        });
+        Self { outline, convex_corners: seen.collect() }
+    }
+
+    /// The corners that the electrode fills less than half of.
+    pub(super) fn convex_corners(&self) -> impl Iterator<Item = DVec2> {
+        self.convex_corners.iter().map(|corner| -corner.from)
     }
 
     /// Looks for the nearest point of the outline. Points within `slack` of it lie on it.
@@ -35,9 +62,9 @@ impl<'a> Places<'a> {
             }
             _ => self.across_nearest_side(point, slack),
         };
-        let from_corners = self.convex_corners.iter().map(|corner| point - corner);
-        let from_corner = from_corners.min_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-        Place { distance, normal, from_corner }
+        let seen = self.convex_corners.iter().map(|corner| Corner { from: point + corner.from, ..*corner });
+        let corner = seen.min_by(|a, b| a.from.length_squared().total_cmp(&b.from.length_squared()));
+        Place { distance, normal, corner }
     }
 
     /// Distance and normal of a polygon.

@@ -65,7 +65,7 @@ impl Plane {
         faces.retain(|face| face.nodes.iter().any(|node| near.contains(node)));
         let edges = edges_in_plane(mesh, &in_plane, &near);
         let areas = dielectric_areas(mesh, &faces);
-        let corners = at_corners(mesh, &faces, &places.convex_corners);
+        let corners = at_corners(mesh, &faces, places);
         let mut plane = Self { held, near: BTreeMap::new(), cut };
         let mut follows = true;
         for (node, edges) in edges {
@@ -181,12 +181,12 @@ fn rows(edges: &[(DVec2, f64)], normal: DVec2) -> Option<f64> {
 }
 
 /// How much of a corner lies at the nodes of the triangle around it: its barycentric coordinates.
-fn at_corners(mesh: &TetMesh, faces: &[Face], corners: &[DVec2]) -> BTreeMap<u32, f64> {
+fn at_corners(mesh: &TetMesh, faces: &[Face], places: &Places<'_>) -> BTreeMap<u32, f64> {
     let mut parts: BTreeMap<u32, f64> = BTreeMap::new();
     for face in faces {
         let [a, b, c] = face.nodes.map(|node| DVec3::truncate(mesh.nodes()[node as usize]));
         let double_area = (b - a).perp_dot(c - a);
-        for &corner in corners {
+        for corner in places.convex_corners() {
             let of = [
                 (b - corner).perp_dot(c - corner),
                 (c - corner).perp_dot(a - corner),
