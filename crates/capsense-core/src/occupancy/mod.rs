@@ -427,7 +427,7 @@ impl Occupancy {
                     scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
                 };
                 match wedges {
-                    Some(wedges) => Scene::between_wedges(wedges, edge % 3, owners, cut, covered),
+                    Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
                     None => covered,
                 }
             }

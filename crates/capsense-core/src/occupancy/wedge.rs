@@ -41,6 +41,8 @@ pub struct RightAngle {
     pub inside: f64,
     /// The radius of the circle, about an axis against the first normal, that the edge is part of.
     pub radius: f64,
+    /// How thick the object is behind the faces, at least across one of them.
+    pub thickness: f64,
 }
 
 impl RightAngle {
@@ -139,16 +141,19 @@ pub(super) struct AtWedge {
     share: f32,
     /// That share, as a factor of the weight of the edge that leads upwards along [`CARRIER`].
     link: f64,
-    /// Whether that is not all, and a conductor has an edge among the cells around.
+    /// Whether the field is that of one wedge alone: the edge rule has no share in it, and the conductor is thicker than
+    /// edges are long, so that nothing is behind it.
+    is_all: bool,
+    /// Whether that is not so, and a conductor has an edge among the cells around.
     is_beside: bool,
 }
 
 impl AtWedge {
-    const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0, is_beside: false };
+    const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0, is_all: false, is_beside: false };
 
-    /// Whether the edge rule has no share in what an end of an edge is linked to.
-    fn is_all(&self, owner: u16) -> bool {
-        self.share >= 1.0 || owner != NO_OBJECT
+    /// Whether nothing but the wedge, or the conductor that holds it, matters at this end of an edge.
+    fn is_all_to(&self, owner: u16) -> bool {
+        self.is_all || owner != NO_OBJECT
     }
 }
 
@@ -222,7 +227,7 @@ impl Wedges {
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
     pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
-        let at = |end: usize| self.at.get(ends[end] as usize).filter(|at| !at.is_all(owners[end]));
+        let at = |end: usize| self.at.get(ends[end] as usize).filter(|at| !at.is_all_to(owners[end]));
         // All that is beside an edge is among the cells around either of its ends.
         [0, 1].into_iter().filter_map(at).map(|at| at.is_beside).reduce(|a, b| a && b).unwrap_or(false)
     }
@@ -263,6 +268,12 @@ impl Star<'_> {
     fn narrowest(&self, axis: usize) -> f64 {
         let way = |upwards| self.neighbour(axis, upwards).map_or(f64::INFINITY, |(_, way)| way);
         way(false).min(way(true))
+    }
+
+    /// The way to the farthest neighbour.
+    fn longest(&self) -> f64 {
+        let way = |axis: usize, upwards| self.neighbour(axis, upwards).map_or(0.0, |(_, way)| way);
+        [0, 1, 2].into_iter().fold(0.0, |longest, axis| way(axis, false).max(way(axis, true)).max(longest))
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
@@ -327,7 +338,7 @@ impl Scene<'_> {
         let star = Star { lattice, node, place: lattice.node_place(node) };
         let linked = if self.mesh.terminals[node] == FREE { self.linked(&star, conductors) } else { None };
         let at = linked.unwrap_or(AtWedge::NONE);
-        let is_beside = at.share < 1.0 && self.has_edges_in(&star.bounds());
+        let is_beside = !at.is_all && self.has_edges_in(&star.bounds());
         AtWedge { is_beside, ..at }
     }
 
@@ -337,7 +348,8 @@ impl Scene<'_> {
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
         let link = share * self.link(star, object, &angle, conductors) * length / area;
-        Some(AtWedge { object: object as u16, share: share as f32, link, is_beside: false })
+        let is_all = share >= 1.0 && angle.thickness >= star.longest();
+        Some(AtWedge { object: object as u16, share: share as f32, link, is_all, is_beside: false })
     }
 
     /// The edge of a conductor that is nearest to a node, and its share in the node's links.
@@ -413,37 +425,56 @@ impl Scene<'_> {
 
     /// Whether nothing but the edge itself and wedges at its ends matter for what is left of it.
     pub(super) fn is_between_wedges(ends: Option<[&AtWedge; 2]>, owners: [u16; 2]) -> bool {
-        ends.is_some_and(|[a, b]| a.is_all(owners[0]) && b.is_all(owners[1]))
+        ends.is_some_and(|[a, b]| a.is_all_to(owners[0]) && b.is_all_to(owners[1]))
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
     /// the edge make of it, `covered` what walls make of it as well.
     pub(super) fn between_wedges(
-        ends: [&AtWedge; 2],
-        axis: usize,
+        &self,
+        edge: usize,
+        ends: [u32; 2],
+        wedges: [&AtWedge; 2],
         owners: [u16; 2],
         cut: Coupling,
         covered: Coupling,
     ) -> Coupling {
-        let shares = [0, 1].map(|end: usize| f64::from(ends[end].share));
-        let share = shares[0].max(shares[1]);
-        let through = if owners == [NO_OBJECT; 2] {
-            share * cut.through + (1.0 - share) * covered.through
-        } else {
-            (1.0 - share) * covered.through
-        };
-        let mut coupling = Coupling { through, ..covered };
+        let is_free = owners == [NO_OBJECT; 2];
+        let mut coupling = covered;
+        if !is_free {
+            // To a node in the conductor the edge itself is what others are linked by.
+            coupling.through *= 1.0 - f64::from(wedges[0].share.max(wedges[1].share));
+        }
         for end in 0..2 {
-            coupling.factor[end] *= 1.0 - shares[end];
+            let AtWedge { object, share, link, .. } = *wedges[end];
+            coupling.factor[end] *= 1.0 - f64::from(share);
+            if share > 0.0 {
+                // The link was found for what surfaces on the edge make of it.
+                if is_free && covered.through != cut.through {
+                    let slope = self.slope_from(object, [ends[end], ends[1 - end]]);
+                    coupling.factor[end] += f64::from(share) * (covered.through - cut.through) * slope;
+                }
+                if end == 0 && edge % 3 == CARRIER {
+                    coupling.factor[end] += link;
+                }
+                coupling.object[end] = object;
+            }
             if coupling.factor[end] == 0.0 {
                 coupling.object[end] = NO_OBJECT;
             }
         }
-        if axis == CARRIER && ends[0].link != 0.0 {
-            coupling.object[0] = ends[0].object;
-            coupling.factor[0] += ends[0].link;
-        }
         coupling
+    }
+
+    /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P and its neighbour Q.
+    fn slope_from(&self, object: u16, nodes: [u32; 2]) -> f64 {
+        let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
+        let Some(angle) = self.surfaces.right_angle_near(object.into(), from) else { return 0.0 };
+        let mut places = Places::default();
+        places.set(0, angle.coordinates(from));
+        places.set(1, angle.coordinates(to));
+        let [own, other, ..] = places.potentials(angle.radius);
+        other / own.max(SMALLEST_PART * other) - 1.0
     }
 }
 
@@ -472,6 +503,7 @@ mod tests {
             normals: [DVec3::X, DVec3::Z],
             inside: 1.0,
             radius: f64::INFINITY,
+            thickness: 1.0,
         };
         for step in 0..=60 {
             // From the face across x, around the edge, to the face across z.

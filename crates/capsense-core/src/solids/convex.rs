@@ -103,7 +103,15 @@ impl Convex {
                     normal[across] = 1.0_f64.copysign(point[across]);
                     normal
                 });
-                Some(RightAngle { place, normals, inside: -outside[axis], radius: f64::INFINITY })
+                let mut across = half;
+                across[axis] = f64::INFINITY;
+                Some(RightAngle {
+                    place,
+                    normals,
+                    inside: -outside[axis],
+                    radius: f64::INFINITY,
+                    thickness: 2.0 * across.min_element(),
+                })
             }
             Self::Capsule { .. } => None,
             Self::Cylinder { radius, half_length } => {
@@ -114,6 +122,7 @@ impl Convex {
                     normals: [outwards.extend(0.0), DVec3::Z * 1.0_f64.copysign(point.z)],
                     inside: f64::INFINITY,
                     radius,
+                    thickness: 2.0 * radius.min(half_length),
                 })
             }
         }

@@ -58,7 +58,7 @@ impl HalfPlane {
             mean += log_kernel / SAMPLES as f64;
             reach += log_kernel / square_of_sine / (4 * SAMPLES) as f64;
         }
-        if !stacks.iter().all(Stack::is_uniform) {
+        if !stacks.iter().all(Stack::is_endless) {
             let by_others = by_other_cells(stacks);
             mean += by_others.mean;
             reach += by_others.reach;

