@@ -16,12 +16,14 @@ mod negative;
 mod parallel;
 mod silhouette;
 mod sorted;
+mod surfaces;
 mod wedge;
 
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub use interface::Interface;
+pub use surfaces::{Span, Surfaces};
 pub use wedge::RightAngle;
 
 use crate::geometry::Aabb;
@@ -35,71 +37,6 @@ use glam::DVec3;
 use negative::NegativeWeights;
 use sorted::SortedList;
 use wedge::Wedges;
-
-/// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
-    /// Where the segment first enters, in [0, 1].
-    pub enter: f64,
-    /// Where it last leaves, in [enter, 1].
-    pub exit: f64,
-}
-
-/// Where objects are: answers for points and segments in the sensor frame.
-pub trait Surfaces {
-    /// Number of objects.
-    fn objects(&self) -> usize;
-
-    /// A box outside of which the object certainly is not; [`Aabb::EMPTY`] when it is not seen at all.
-    fn bounds(&self, object: usize) -> Aabb;
-
-    /// Whether a point lies inside an object.
-    fn contains(&self, object: usize, point: DVec3) -> bool;
-
-    /// The same, of all that was measured only by the measurement for that point: no interpolation between the pixels
-    /// of a depth camera.
-    fn contains_as_measured(&self, object: usize, point: DVec3) -> bool {
-        self.contains(object, point)
-    }
-
-    /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
-    fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
-
-    /// Whether spans tell where surfaces are exactly enough to measure how far they reach across an edge.
-    fn are_exact(&self) -> bool {
-        false
-    }
-
-    /// Whether an object has a flat face across an axis of the sensor frame, in which edges of a lattice may lie.
-    fn has_face_across(&self, _object: usize, _axis: usize) -> bool {
-        false
-    }
-
-    /// Whether an object may have an edge, where its surface turns abruptly, in a box.
-    fn has_edge_in(&self, _object: usize, _bounds: &Aabb) -> bool {
-        true
-    }
-
-    /// Where two faces of an object meet at a right angle, as near to a point as there is such an edge.
-    fn right_angle_near(&self, _object: usize, _point: DVec3) -> Option<RightAngle> {
-        None
-    }
-
-    /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
-    /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
-    fn find_changes(&self, before: &mut Earlier, _regions: &mut Regions) -> bool {
-        before.forget();
-        false
-    }
-
-    /// Whether these answers can be trusted at all; called once before any of them.
-    ///
-    /// # Errors
-    /// Says what is no surface.
-    fn validate(&self) -> Result<(), InvalidDepth> {
-        Ok(())
-    }
-}
 
 /// The nodes and edges that objects are to be found on.
 #[derive(Clone, Copy, Debug)]

@@ -13,124 +13,25 @@
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
+mod field;
+mod star;
+
+pub use field::RightAngle;
+pub(super) use star::grown;
+
 use super::coupling::{Coupling, SMALLEST_PART};
 use super::{NO_OBJECT, Scene};
 use crate::geometry::Aabb;
-use crate::mesh::{Edges, Lattice};
+use crate::mesh::Edges;
 use crate::sensor::FREE;
-use glam::DVec3;
+use field::{POINTS, Places};
+use star::{FAR, Star};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
-/// So many cells from an edge, nothing is known of it.
-const FAR: f64 = 2.0;
-/// Planes of nodes on either side of an edge that may be as near as that.
-const PLANES: usize = 2;
 
 /// The axis along which each node's own edge carries its link.
 const CARRIER: usize = 0;
-
-/// A right angle at which two faces of an object meet, seen from a point near it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RightAngle {
-    /// The nearest place on the edge, or on the line through it.
-    pub place: DVec3,
-    /// Outward unit normals of the two faces.
-    pub normals: [DVec3; 2],
-    /// How far the place is from the edge's nearest end; negative beyond.
-    pub inside: f64,
-    /// The radius of the circle, about an axis against the first normal, that the edge is part of.
-    pub radius: f64,
-    /// How thick the object is behind the faces, at least across one of them.
-    pub thickness: f64,
-}
-
-impl RightAngle {
-    /// Where a point is: how far before either face, and along the edge.
-    fn coordinates(&self, point: DVec3) -> [f64; 3] {
-        let from = point - self.place;
-        [self.normals[0].dot(from), self.normals[1].dot(from), self.along().dot(from)]
-    }
-
-    /// The direction of the edge.
-    fn along(&self) -> DVec3 {
-        self.normals[0].cross(self.normals[1])
-    }
-}
-
-/// Points around a node: itself, then its neighbours, and one more that makes the number even.
-const POINTS: usize = 8;
-
-/// Coordinates of points by a right angle, one array for each.
-#[derive(Clone, Copy, Default)]
-struct Places([[f64; POINTS]; 3]);
-
-impl Places {
-    fn set(&mut self, point: usize, place: [f64; 3]) {
-        (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
-    }
-
-    /// Whether no straight way between two of the points passes the object: a face is behind both of them.
-    fn see_each_other(&self, a: usize, b: usize) -> bool {
-        let [p, q, _] = &self.0;
-        p[a] >= 0.0 && p[b] >= 0.0 || q[a] >= 0.0 && q[b] >= 0.0
-    }
-
-    /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. Loops without branches, so that
-    /// several points are one instruction.
-    fn potentials(&self, radius: f64) -> [f64; POINTS] {
-        let [p, q, along] = &self.0;
-        let bend = 0.5 / radius;
-        let (mut before, mut squared, mut roots) = ([0.0; POINTS], [0.0; POINTS], [0.0; POINTS]);
-        for point in 0..POINTS {
-            before[point] = p[point] + bend * along[point] * along[point];
-            squared[point] = before[point] * before[point] + q[point] * q[point] + f64::MIN_POSITIVE;
-        }
-        for point in 0..POINTS {
-            roots[point] = about_cube_root(squared[point]);
-        }
-        let mut potentials = [0.0; POINTS];
-        for point in 0..POINTS {
-            let (p, q, squared) = (before[point], q[point], squared[point]);
-            // From the bisector outside, angles are φ = θ - 3π/4.
-            let third = cosine_of_third(std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.sqrt());
-            let potential = better_cube_root(squared, roots[point]) * (2.0 * third * third - 1.0);
-            potentials[point] = if p > 0.0 || q > 0.0 { potential } else { 0.0 };
-        }
-        potentials
-    }
-}
-
-/// cos(φ/3) from cos φ, for |φ| up to 3π/4, by Newton's method on 4c³ - 3c = cos φ; wrong by less than 3e-8.
-#[inline(always)]
-fn cosine_of_third(cosine: f64) -> f64 {
-    // The parabola through the values at 0, π/2 and 3π/4.
-    let mut c = 0.8660 + cosine * (0.1871 - 0.0531 * cosine);
-    for _ in 0..2 {
-        let squared = c * c;
-        c -= (c * (4.0 * squared - 3.0) - cosine) / (12.0 * squared - 3.0);
-    }
-    c
-}
-
-/// The cube root of a positive number to within 5 %: a third of its exponent.
-#[inline(always)]
-fn about_cube_root(x: f64) -> f64 {
-    // Two thirds of the exponent's offset, 1023 · 2⁵², less what makes the largest error smallest.
-    const OFFSET: u64 = 0x2a9f_7893_0000_0000;
-    f64::from_bits(x.to_bits() / 3 + OFFSET)
-}
-
-/// The cube root from a guess that is within 5 % of it, to about twelve digits by two steps of Halley's method. That of the
-/// standard library is exact to the last bit and takes several times as long.
-#[inline(always)]
-fn better_cube_root(x: f64, mut root: f64) -> f64 {
-    for _ in 0..2 {
-        let cube = root * root * root;
-        root *= (cube + 2.0 * x) / (2.0 * cube + x);
-    }
-    root
-}
 
 /// What a node near an edge of a conductor makes of its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,6 +51,12 @@ pub(super) struct AtWedge {
 
 impl AtWedge {
     const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0, is_all: false, is_beside: false };
+
+    /// Whether all but the link is the same in what edges see of it.
+    fn has_share_of(&self, other: &Self) -> bool {
+        let of = |at: &Self| (at.object, at.share.to_bits(), at.is_all);
+        of(self) == of(other)
+    }
 
     /// Whether nothing but the wedge, or the conductor that holds it, matters at this end of an edge.
     fn is_all_to(&self, owner: u16) -> bool {
@@ -189,9 +96,9 @@ impl Wedges {
                 if std::mem::replace(&mut seen[node], frame) != frame {
                     let now = scene.at_wedge(node, conductors);
                     let before = std::mem::replace(&mut at[node], now);
-                    if before.share.to_bits() != now.share.to_bits() {
+                    if !before.has_share_of(&now) {
                         reshared.push(node as u32);
-                    } else if before.link.to_bits() != now.link.to_bits() || before.object != now.object {
+                    } else if before.link.to_bits() != now.link.to_bits() {
                         relinked.push(node as u32);
                     }
                 }
@@ -239,95 +146,6 @@ impl Wedges {
     }
 }
 
-/// A node of the lattice and its neighbours.
-struct Star<'a> {
-    lattice: &'a Lattice,
-    node: usize,
-    place: [usize; 3],
-}
-
-impl Star<'_> {
-    /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
-    fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
-        let (planes, index) = (&self.lattice.axes()[axis], self.place[axis]);
-        let stride = self.lattice.strides()[axis];
-        if upwards {
-            Some((self.node + stride, planes.get(index + 1)? - planes[index]))
-        } else {
-            Some((self.node - stride, planes[index] - planes[index.checked_sub(1)?]))
-        }
-    }
-
-    /// Half of the way to the neighbours along an axis.
-    fn width(&self, axis: usize) -> f64 {
-        let way = |upwards| self.neighbour(axis, upwards).map_or(0.0, |(_, way)| way);
-        0.5 * (way(false) + way(true))
-    }
-
-    /// The way to the nearer neighbour along an axis.
-    fn narrowest(&self, axis: usize) -> f64 {
-        let way = |upwards| self.neighbour(axis, upwards).map_or(f64::INFINITY, |(_, way)| way);
-        way(false).min(way(true))
-    }
-
-    /// The way to the farthest neighbour.
-    fn longest(&self) -> f64 {
-        let way = |axis: usize, upwards| self.neighbour(axis, upwards).map_or(0.0, |(_, way)| way);
-        [0, 1, 2].into_iter().fold(0.0, |longest, axis| way(axis, false).max(way(axis, true)).max(longest))
-    }
-
-    /// The box up to the neighbours, which holds all that is beside the node's edges.
-    fn bounds(&self) -> Aabb {
-        let planes = |axis: usize, index: usize| {
-            let planes = &self.lattice.axes()[axis];
-            planes[index.min(planes.len() - 1)]
-        };
-        let [i, j, k] = self.place;
-        let corner = |[i, j, k]: [usize; 3]| DVec3::new(planes(0, i), planes(1, j), planes(2, k));
-        let below = [i, j, k].map(|index| index.saturating_sub(1));
-        Aabb { min: corner(below), max: corner([i + 1, j + 1, k + 1]) }
-    }
-
-    /// Cells between the node and a point, along the axis where there are most; no more than [`FAR`].
-    fn cells_to(&self, point: DVec3) -> f64 {
-        let along = |axis: usize| cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]);
-        along(0).max(along(1)).max(along(2))
-    }
-}
-
-/// Cells between a plane and a coordinate, parts of them counted; no more than [`FAR`]. Behind the last plane, cells are as
-/// the last one.
-fn cells_to(planes: &[f64], index: usize, coordinate: f64) -> f64 {
-    let upwards = coordinate > planes[index];
-    let mut at = index;
-    for cells in 0..PLANES {
-        let next = if upwards { at + 1 } else { at.wrapping_sub(1) };
-        let plane = planes.get(next).copied().unwrap_or_else(|| {
-            let last = if upwards { at - 1 } else { at + 1 };
-            2.0 * planes[at] - planes[last]
-        });
-        let part = (coordinate - planes[at]) / (plane - planes[at]);
-        if part <= 1.0 || next >= planes.len() {
-            return (cells as f64 + part).min(FAR);
-        }
-        at = next;
-    }
-    FAR
-}
-
-/// A region with all that is less than [`FAR`] cells away.
-pub(super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
-    let Edges::Lattice(lattice) = edges else { return *region };
-    let mut grown = *region;
-    for (axis, planes) in lattice.axes().iter().enumerate() {
-        let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(PLANES);
-        let last = planes.partition_point(|&plane| plane <= region.max[axis]) + PLANES;
-        grown.min[axis] = planes[first].min(region.min[axis]);
-        grown.max[axis] = planes[last.min(planes.len()) - 1].max(region.max[axis]);
-    }
-    grown
-}
-
 impl Scene<'_> {
     /// What an edge of a conductor near a node makes of it. `conductors` are those that hold nodes.
     fn at_wedge(&self, node: usize, conductors: &[u16]) -> AtWedge {
@@ -335,7 +153,7 @@ impl Scene<'_> {
         if conductors[node] != NO_OBJECT {
             return AtWedge::NONE;
         }
-        let star = Star { lattice, node, place: lattice.node_place(node) };
+        let star = Star::at(lattice, node);
         let linked = if self.mesh.terminals[node] == FREE { self.linked(&star, conductors) } else { None };
         let at = linked.unwrap_or(AtWedge::NONE);
         let is_beside = !at.is_all && self.has_edges_in(&star.bounds());
@@ -400,17 +218,19 @@ impl Scene<'_> {
         let mut places = Places::default();
         let mut weights = [0.0; POINTS];
         places.set(0, own);
-        for neighbour in 1..POINTS - 1 {
+        for (neighbour, weight) in weights.iter_mut().enumerate().take(POINTS - 1).skip(1) {
             let (axis, upwards) = ((neighbour - 1) / 2, neighbour % 2 == 0);
             let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
             let step = if upwards { distance } else { -distance };
-            for (of, along) in steps.iter().enumerate() {
-                places.0[of][neighbour] = own[of] + step * along[axis];
-            }
+            let [p, q, along] = steps;
+            places.set(
+                neighbour,
+                [own[0] + step * p[axis], own[1] + step * q[axis], own[2] + step * along[axis]],
+            );
             let is_seen = places.see_each_other(0, neighbour)
                 || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
             if is_seen && usize::from(conductors[node]) != object {
-                weights[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
+                *weight = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
             }
         }
         let potentials = places.potentials(angle.radius);
@@ -489,58 +309,4 @@ fn share_of(star: &Star<'_>, angle: &RightAngle) -> f64 {
     let from_ends = (angle.inside / cell).clamp(0.0, 1.0);
     let is_straight = (angle.radius / cell - 1.0).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part) * from_ends * is_straight
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::FRAC_PI_4;
-
-    #[test]
-    fn the_potential_is_that_of_a_wedge() {
-        let angle = RightAngle {
-            place: DVec3::new(0.1, -0.2, 0.3),
-            normals: [DVec3::X, DVec3::Z],
-            inside: 1.0,
-            radius: f64::INFINITY,
-            thickness: 1.0,
-        };
-        for step in 0..=60 {
-            // From the face across x, around the edge, to the face across z.
-            let theta = 6.0 * FRAC_PI_4 * f64::from(step) / 60.0;
-            for r in [1e-6, 0.02, 3.0_f64] {
-                let (sine, cosine) = theta.sin_cos();
-                let mut places = Places::default();
-                places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
-                places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
-                let [found, within, at_edge, ..] = places.potentials(angle.radius);
-                let expected = r.powf(2.0 / 3.0) * (2.0 / 3.0 * theta).sin();
-                assert!(
-                    (found - expected).abs() < 2e-7 * r.powf(2.0 / 3.0),
-                    "{theta} {r}: {found} {expected}"
-                );
-                assert_eq!([within, at_edge], [0.0; 2]);
-            }
-        }
-    }
-
-    #[test]
-    fn cube_roots_have_nine_digits() {
-        for power in -60..60 {
-            for part in 0..20 {
-                let x = 2.0_f64.powi(power) * (1.0 + 0.05 * f64::from(part));
-                let root = better_cube_root(x, about_cube_root(x));
-                assert!((root / x.cbrt() - 1.0).abs() < 1e-9, "{x}");
-            }
-        }
-    }
-
-    #[test]
-    fn cells_are_counted_in_parts() {
-        let planes = [0.0, 1.0, 3.0, 7.0];
-        let places =
-            [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
-        let cells = places.map(|(index, coordinate)| cells_to(&planes, index, coordinate));
-        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
-    }
 }
