@@ -20,7 +20,7 @@ mod statistics;
 
 use capsense::core::sensor::Sensor;
 use cases::{Body, CONNECTIONS, ENTRIES, bodies, few_bodies, stripes};
-use continuity::{CENTROID, SOLID, UPWARDS, WAYS, curve};
+use continuity::{CENTROID, SOLID, WAYS, curve};
 use measure::measure;
 use references::References;
 use statistics::Statistics;
@@ -54,9 +54,9 @@ fn small_lattices_are_exact_to_a_few_percent() {
     for (body, changes) in bodies.iter().zip(errors.changes) {
         for ((connection, _), change) in CONNECTIONS.into_iter().zip(changes) {
             // Through a floating body the changes of C12 and C13 are small differences.
-            let compared = if connection == "grounded" { ENTRIES.len() } else { 2 };
+            let (compared, allowed) = if connection == "grounded" { (ENTRIES.len(), 7.0) } else { (2, 9.0) };
             for ((entry, ..), error) in ENTRIES.into_iter().zip(change).take(compared) {
-                assert!(error.abs() < 6.0, "{entry}, {connection} {}: {error} %", body.name);
+                assert!(error.abs() < allowed, "{entry}, {connection} {}: {error} %", body.name);
             }
         }
     }
@@ -66,8 +66,7 @@ fn small_lattices_are_exact_to_a_few_percent() {
 fn edge_cut_feels_steps_and_centroids_move_in_leaps() {
     for way in WAYS {
         let [cut, centroid] = [SOLID, CENTROID].map(|model| Statistics::of(&curve(model, way).unwrap()));
-        let forgiven = if way.name == UPWARDS.name { 0 } else { cut.steps / 10 };
-        assert!(cut.wrong <= forgiven, "{}: {}", way.name, cut.wrong);
+        assert_eq!(cut.wrong, 0, "{}", way.name);
         assert!(centroid.wrong > cut.steps / 2, "{}: {}", way.name, centroid.wrong);
         assert!(centroid.largest > 5.0 * cut.largest, "{}: {} {}", way.name, centroid.largest, cut.largest);
     }
