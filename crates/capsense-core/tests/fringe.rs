@@ -1,8 +1,8 @@
 //! The field around a right-angled edge of a conductor, r^(2/3) sin(2θ/3), on cells that know nothing of where the edge is.
 //!
-//! A box tells where its edges are, so that this field is solved for exactly near them; of a triangle mesh rays tell how far
-//! it reaches. In a plane, the potential of the exact field is given on the walls of a box, and the energy of what the lattice makes of
-//! it compared with that of the exact field. The difference is what the edge seems to be too large or too small.
+//! A box tells where its edges are, so that this field is solved for near them; of a triangle mesh rays tell how far it
+//! reaches. In a plane, the potential of the exact field is given on the walls of a box, and the energy of what the lattice
+//! makes of it compared with that of the exact field. The difference is what the edge seems to be too large or too small.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 

@@ -52,6 +52,7 @@ impl Earlier {
 #[derive(Clone, Debug, Default)]
 pub struct Regions {
     boxes: Vec<Aabb>,
+    /// Where edges of objects that differ were or are, and where two objects are near each other.
     around_edges: Vec<Aabb>,
     /// Objects that differ.
     objects: Vec<usize>,
@@ -106,7 +107,8 @@ impl Changes {
         if are_told && self.materials == materials {
             for &object in &regions.objects {
                 let before = std::mem::replace(&mut self.bounds[object], surfaces.bounds(object));
-                for moved in [before, self.bounds[object]] {
+                // Cameras know of no edges.
+                for moved in [before, self.bounds[object]].into_iter().filter(|_| surfaces.are_exact()) {
                     let others = self.bounds.iter().enumerate().filter(|(other, _)| *other != object);
                     let common = others.filter_map(|(_, other)| near_both(mesh, &moved, other));
                     regions.around_edges.extend(common);

@@ -84,6 +84,7 @@ pub struct Occupancy {
     elements: Option<Box<Elements>>,
     /// Negative weights that dielectrics are to scale.
     negative: Option<Box<NegativeWeights>>,
+    /// What nodes of a lattice make of edges of conductors.
     wedges: Wedges,
 }
 
@@ -328,7 +329,7 @@ impl Occupancy {
     /// all between wedges, or it is plain and no conductor has an edge beside it.
     fn stays_plain(&self, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
         let owners = ends.map(|node| self.conductor[node as usize]);
-        Scene::is_between_wedges(wedges.between(ends), owners)
+        wedges.are_all(ends, owners)
             || (self.couplings[edge] == Coupling::PLAIN && !wedges.may_be_beside(ends, owners))
     }
 
@@ -357,13 +358,12 @@ impl Occupancy {
                         rule.coupling(breaks)
                     }
                 };
-                let wedges = wedges.between(ends);
-                let covered = if !scene.has_silhouettes || Scene::is_between_wedges(wedges, owners) {
+                let covered = if !scene.has_silhouettes || wedges.are_all(ends, owners) {
                     cut
                 } else {
                     scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
                 };
-                match wedges {
+                match wedges.between(ends) {
                     Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
                     None => covered,
                 }

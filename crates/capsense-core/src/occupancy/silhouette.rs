@@ -13,6 +13,9 @@
 //! At its own edges a conductor collects more than the part of a box that meets it would: the field there grows with
 //! r^(-1/3) at a right angle. So it is taken to reach further by [`FRINGE`].
 //!
+//! Boxes and cylinders tell where their edges are, and within cells smaller than themselves [`super::wedge`] does better.
+//! This is for triangle meshes, for thin bodies, and where edges end.
+//!
 //! All this is for walls along the edge, which end a face abruptly. Where a face merely slants or bends, the edge rule by
 //! itself is of second order, and stays. What tells the two apart is whether the conductor is as wide at the face as it is
 //! deeper inside. Where a conductor has no edge near, nothing is asked.
@@ -25,7 +28,7 @@ use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
 /// of the way to the next node across. With it the energy of the field r^(2/3) sin(2θ/3) around a right angle is right in
-/// the mean over all places of the angle's vertex in a cell, which `tests/fringe.rs` holds it to: in a prototype cells one,
+/// the mean over all places of the angle's vertex in a cell, which `tests/fringe.rs` holds triangle meshes to: in a prototype cells one,
 /// two and three times as long as wide asked for 0.10, 0.08 and 0.07. A sheet much thinner than a cell asked for 0.1 to 0.3.
 const FRINGE: f64 = 0.09;
 

@@ -11,7 +11,7 @@ pub struct RightAngle {
     pub normals: [DVec3; 2],
     /// How far the place is from the edge's nearest end; negative beyond.
     pub inside: f64,
-    /// The radius of the circle, about an axis against the first normal, that the edge is part of.
+    /// Of the circle that the edge is part of, its centre behind the first face; infinite where the edge is straight.
     pub radius: f64,
     /// How thick the object is behind the faces, at least across one of them.
     pub thickness: f64,

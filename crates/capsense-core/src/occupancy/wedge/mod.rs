@@ -8,8 +8,8 @@
 //!
 //! Then u is a solution on the lattice, wherever the edge lies between nodes, and a wall that passes a line of nodes changes
 //! the network but not this field. In front of a flat face, u being the distance, the link is what the edge rule makes
-//! of it. A link may be slightly negative, where u bends more than the lattice can: all nodes with one have u > 0 and
-//! (K u)(P) = 0, so K stays an M-matrix.
+//! of it. A link may be slightly negative, where u bends more than the lattice can. Around one edge u > 0 and (K u)(P) = 0 at
+//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at.
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
@@ -132,6 +132,12 @@ impl Wedges {
         }
     }
 
+    /// Whether nothing but the edge itself and wedges at its ends matter for what is left of it.
+    pub(super) fn are_all(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
+        let is_all = |end: usize| self.at.get(ends[end] as usize).is_some_and(|at| at.is_all_to(owners[end]));
+        self.between(ends).is_some() && is_all(0) && is_all(1)
+    }
+
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
     pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
         let at = |end: usize| self.at.get(ends[end] as usize).filter(|at| !at.is_all_to(owners[end]));
@@ -241,11 +247,6 @@ impl Scene<'_> {
             highest = f64::max(highest, potential);
         }
         sum / potentials[0].max(SMALLEST_PART * highest) - of_weights
-    }
-
-    /// Whether nothing but the edge itself and wedges at its ends matter for what is left of it.
-    pub(super) fn is_between_wedges(ends: Option<[&AtWedge; 2]>, owners: [u16; 2]) -> bool {
-        ends.is_some_and(|[a, b]| a.is_all_to(owners[0]) && b.is_all_to(owners[1]))
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on

@@ -10,15 +10,9 @@
 use super::place::Places;
 use super::plane::{Plane, PlaneNode};
 use super::tube::Tube;
-use super::{Linked, Rim};
+use super::{CONVEX_CORNER, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::TetMesh;
-
-/// Links of a share closer to 1 weigh so much more than edges that the node is as good as held.
-const LARGEST_SHARE: f64 = 0.999;
-
-/// The share of a node on a convex corner, in parts of that of a straight rim: the number of lattices.
-const CONVEX_CORNER: f64 = 0.766;
 
 /// R where the outline is hardly more than corners: about what meshes of common generators have.
 const USUAL: f64 = 2.3;
@@ -31,7 +25,7 @@ pub(crate) fn rim_of_cut(mesh: &TetMesh, electrode: &Electrode, flat: f64) -> Op
     let root = Tube::around(mesh, electrode, &plane, &places).map_or(USUAL, |tube| tube.root());
     let mut rim = Rim { held: plane.held, linked: Vec::new() };
     for (node, of) in plane.near {
-        match Link::of(&of, root) {
+        match link_of(&of, root) {
             Link::Held => rim.held.push(node),
             Link::Weight(weight) => {
                 let weight = weight * of.dielectric_area;
@@ -43,24 +37,9 @@ pub(crate) fn rim_of_cut(mesh: &TetMesh, electrode: &Electrode, flat: f64) -> Op
     Some(rim)
 }
 
-/// What a node of the plane is.
-pub(super) enum Link {
-    Held,
-    /// Weight for each unit of the node's area and permittivity.
-    Weight(f64),
-    None,
-}
-
-impl Link {
-    pub(super) fn of(node: &PlaneNode, root: f64) -> Self {
-        let part = 1.0 - (1.0 - CONVEX_CORNER) * node.corner;
-        let share = part * (1.0 - 0.25 * root - node.place.distance / node.rows);
-        if share >= LARGEST_SHARE {
-            Self::Held
-        } else if share > 0.0 {
-            Self::Weight((1.0 + root) / node.rows * share / (1.0 - share))
-        } else {
-            Self::None
-        }
-    }
+/// What a node of the plane is; weights are for each unit of its area and permittivity.
+pub(super) fn link_of(node: &PlaneNode, root: f64) -> Link {
+    let part = 1.0 - (1.0 - CONVEX_CORNER) * node.corner;
+    let share = part * (1.0 - 0.25 * root - node.place.distance / node.rows);
+    Link::of_share(share, (1.0 + root) / node.rows)
 }

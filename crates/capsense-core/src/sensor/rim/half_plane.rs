@@ -13,7 +13,7 @@
 //!
 //! On cubes with the rim in row 0 the weight is 3 + √2 for each unit of length.
 //!
-//! Where the permittivity changes, or there is a shield, K is what the whole stack of
+//! Where cells differ in height or permittivity, or there is a shield, K is what the whole stack of
 //! cells makes of a wave ([`Stack::on_lattice`]), and it is no longer √ that the field has to approach, but the field of
 //! a true half-plane in the same layers. That one has the same theory on a line instead of a circle, with the kernel k K'(k)
 //! ([`Stack::exact`]). Both K are relative to ε_u + ε_d of the first cells, so K' tends to 1 for short waves. For long

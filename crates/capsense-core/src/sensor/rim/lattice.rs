@@ -3,18 +3,11 @@
 use super::half_plane::HalfPlane;
 use super::place::{Corner, Place, Places};
 use super::stack::{Cell, Stack};
-use super::{Linked, Rim};
+use super::{CONVEX_CORNER, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
 use crate::sensor::{FREE, Terminal};
 use glam::DVec2;
-
-/// Links of a share closer to 1 weigh so much more than edges that the node is as good as held.
-const LARGEST_SHARE: f64 = 0.999;
-
-/// The share of a node on a convex corner between sides along the lattice, in parts of that of a straight rim: with it,
-/// square plates of few cells have the capacitance that they have on fine lattices, whether cells are flat or high.
-const CONVEX_CORNER: f64 = 0.766;
 
 /// Nodes closer to a convex corner than so many cells, along either axis, are told of both of its sides. Those further
 /// away have at most one that is so near that it matters.
@@ -86,12 +79,6 @@ fn link_of_far(place: &Place, size: DVec2, height: f64) -> Option<Link> {
     (-place.distance >= held).then_some(Link::Held)
 }
 
-enum Link {
-    Held,
-    Weight(f64),
-    None,
-}
-
 /// The cell of the dual lattice around a node.
 struct Surroundings<'a> {
     ground: Ground<'a>,
@@ -109,13 +96,7 @@ impl Surroundings<'_> {
             Some(corner) => self.at_corner(&corner),
             None => self.across(place.normal, place.distance),
         };
-        if share >= LARGEST_SHARE {
-            Link::Held
-        } else if share > 0.0 {
-            Link::Weight(weight * share / (1.0 - share))
-        } else {
-            Link::None
-        }
+        Link::of_share(share, weight)
     }
 
     /// At a distance outside of a straight rim. Oblique rims have rows closer to each other, of nodes further apart: exact

@@ -21,6 +21,33 @@ pub(super) use cut::rim_of_cut;
 pub(super) use lattice::{Ground, rim_on_lattice};
 pub(super) use sheet::rims_of_sheets;
 
+/// Links of a share closer to 1 weigh so much more than edges that the node is as good as held.
+const LARGEST_SHARE: f64 = 0.999;
+
+/// The share of a node on a convex corner between sides along a lattice, in parts of that of a straight rim: with it,
+/// square plates of few cells have the capacitance that they have on fine lattices, whether cells are flat or high.
+const CONVEX_CORNER: f64 = 0.766;
+
+/// What a node at a rim is.
+enum Link {
+    Held,
+    Weight(f64),
+    None,
+}
+
+impl Link {
+    /// Of a share in a node: from 0, of a free node, to 1, of one that is held. `weight` is that of a link for a half.
+    fn of_share(share: f64, weight: f64) -> Self {
+        if share >= LARGEST_SHARE {
+            Self::Held
+        } else if share > 0.0 {
+            Self::Weight(weight * share / (1.0 - share))
+        } else {
+            Self::None
+        }
+    }
+}
+
 /// A weight between a free node at the rim of an electrode and the electrode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RimLink {

@@ -6,7 +6,8 @@
 //! among all fields that have its values on the wall of a tube around the rim and are 0 on the electrode. Linear elements
 //! have some other least Φ, which falls as the links at the rim weaken. So Φ tells how far out the discrete rim looks.
 
-use super::cut::Link;
+use super::Link;
+use super::cut::link_of;
 use super::place::{Place, Places};
 use super::plane::{Plane, PlaneNode};
 use super::relax::{Network, relax};
@@ -178,7 +179,7 @@ impl Tube {
         let mut links = vec![0.0; self.nodes.len()];
         let mut fixed = vec![false; self.nodes.len()];
         for (k, node) in self.nodes.iter().enumerate() {
-            let link = node.in_plane.map_or(Link::None, |of| Link::of(&of, root));
+            let link = node.in_plane.map_or(Link::None, |of| link_of(&of, root));
             let held = node.held || matches!(link, Link::Held);
             if node.on_wall || held {
                 fixed[k] = true;
