@@ -116,15 +116,7 @@ impl Edges {
     /// Visits the nodes in a box, each once.
     pub fn for_nodes_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize)) {
         match self {
-            Self::Lattice(lattice) => {
-                let [x, y, z] = planes_within(lattice, bounds);
-                for k in z {
-                    for j in y.clone() {
-                        let row = lattice.node_index([0, j, k]);
-                        (row + x.start..row + x.end).for_each(&mut visit);
-                    }
-                }
-            }
+            Self::Lattice(lattice) => lattice.for_rows_within(bounds, |row| row.for_each(&mut visit)),
             Self::List(list) => list.node_bins.for_boxes_near(bounds, |node| {
                 if bounds.contains(nodes[node as usize]) {
                     visit(node as usize);
@@ -151,6 +143,19 @@ impl Edges {
 fn around(ends: [u32; 2], nodes: &[DVec3]) -> Aabb {
     let [a, b] = ends.map(|node| nodes[node as usize]);
     Aabb { min: a.min(b), max: a.max(b) }
+}
+
+impl Lattice {
+    /// Visits the nodes in a box, those next to each other along x together.
+    pub(crate) fn for_rows_within(&self, bounds: &Aabb, mut visit: impl FnMut(Range<usize>)) {
+        let [x, y, z] = planes_within(self, bounds);
+        for k in z {
+            for j in y.clone() {
+                let row = self.node_index([0, j, k]);
+                visit(row + x.start..row + x.end);
+            }
+        }
+    }
 }
 
 /// The lattice planes across each axis that touch a box.

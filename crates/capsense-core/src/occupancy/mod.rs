@@ -11,6 +11,7 @@ mod crossing;
 mod depth;
 mod elements;
 mod fraction;
+mod index_set;
 mod interface;
 mod negative;
 mod parallel;
@@ -34,6 +35,7 @@ use changes::Changes;
 use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
+use index_set::IndexSet;
 use negative::NegativeWeights;
 use sorted::SortedList;
 use wedge::Wedges;
@@ -104,7 +106,9 @@ struct Scratch {
     beside: Vec<(u16, Span)>,
     breaks: Vec<f64>,
     node_changed: Vec<bool>,
-    /// The frame in which each edge was last looked at; regions overlap.
+    /// Edges that are to be looked at.
+    edges: IndexSet,
+    /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
     /// Whether edges of the frame before depend on what is beside them.
@@ -199,6 +203,7 @@ impl Occupancy {
                 beside: Vec::new(),
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
+                edges: IndexSet::below(edges),
                 edge_seen: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
@@ -259,28 +264,8 @@ impl Occupancy {
                 });
             }
             let mut wedges = std::mem::take(&mut self.wedges);
-            wedges.update(&scene, changes.around_edges(), &self.conductor, self.scratch.frame);
-            let mut update = |edge, ends| links_lost |= self.update_edge(&scene, &wedges, edge, ends);
-            for region in changes.regions() {
-                mesh.edges.for_edges_near(mesh.nodes, region, &mut update);
-            }
-            for region in changes.regions().iter().filter(|_| looks_beside) {
-                let around = parallel::up_to_planes(mesh.edges, region);
-                mesh.edges.for_edges_near(mesh.nodes, &around, &mut update);
-            }
-            wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
-                if is_linked || self.couplings[edge] != Coupling::PLAIN {
-                    links_lost |= self.update_edge(&scene, &wedges, edge, ends);
-                }
-            });
-            for region in changes.around_edges().iter().filter(|_| !wedges.are_none()) {
-                let around = parallel::up_to_planes(mesh.edges, region);
-                mesh.edges.for_edges_near(mesh.nodes, &around, |edge, ends| {
-                    if !self.stays_plain(&wedges, edge, ends) {
-                        links_lost |= self.update_edge(&scene, &wedges, edge, ends);
-                    }
-                });
-            }
+            wedges.update(&scene, changes.around_edges(), &self.conductor);
+            links_lost = self.update_edges(&scene, &changes, looks_beside, &wedges);
             self.wedges = wedges;
         }
         if let Some(mut negative) = self.negative.take() {
@@ -306,7 +291,6 @@ impl Occupancy {
             scratch.edge_seen.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
             self.negative.iter_mut().for_each(|negative| negative.forget_frames());
-            self.wedges.forget_frames();
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -325,20 +309,42 @@ impl Occupancy {
         }
     }
 
-    /// Whether an edge beside what changed of conductors' edges stays as it is, unless what is at its ends changes: it is
-    /// all between wedges, or it is plain and no conductor has an edge beside it.
-    fn stays_plain(&self, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
-        let owners = ends.map(|node| self.conductor[node as usize]);
-        wedges.are_all(ends, owners)
-            || (self.couplings[edge] == Coupling::PLAIN && !wedges.may_be_beside(ends, owners))
+    /// Applies the edge rule to all edges that may have changed, and returns whether one had a link and has none now.
+    fn update_edges(
+        &mut self,
+        scene: &Scene<'_>,
+        changes: &Changes,
+        looks_beside: bool,
+        wedges: &Wedges,
+    ) -> bool {
+        let mesh = &scene.mesh;
+        let mut edges = std::mem::take(&mut self.scratch.edges);
+        for region in changes.regions() {
+            mesh.edges.for_edges_near(mesh.nodes, region, |edge, _| edges.insert(edge));
+        }
+        for region in changes.regions().iter().filter(|_| looks_beside) {
+            let around = parallel::up_to_planes(mesh.edges, region);
+            mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
+        }
+        wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
+            let owners = ends.map(|node| self.conductor[node as usize]);
+            let is_plain = self.couplings[edge] == Coupling::PLAIN;
+            if is_linked || !is_plain || wedges.may_be_beside(ends, owners) {
+                edges.insert(edge);
+            }
+        });
+        let mut links_lost = false;
+        edges.drain(|edge| {
+            links_lost |= self.update_edge(scene, wedges, edge, mesh.edges.ends_of_existing(edge));
+        });
+        self.scratch.edges = edges;
+        links_lost
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
         let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
-        if std::mem::replace(&mut edge_seen[edge], *frame) == *frame {
-            return false;
-        }
+        edge_seen[edge] = *frame;
         scene.find_spans(ends, spans);
         for contact in scene.contacts(ends, spans) {
             self.touches.add(Touch { place: edge as u32, contact });
@@ -358,10 +364,10 @@ impl Occupancy {
                         rule.coupling(breaks)
                     }
                 };
-                let covered = if !scene.has_silhouettes || wedges.are_all(ends, owners) {
-                    cut
-                } else {
+                let covered = if wedges.may_be_beside(ends, owners) {
                     scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
+                } else {
+                    cut
                 };
                 match wedges.between(ends) {
                     Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),

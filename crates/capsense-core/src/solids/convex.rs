@@ -85,6 +85,30 @@ impl Convex {
         }
     }
 
+    /// The edges that may be in a box of half size `half` about a point, each by its middle and the way from there to its
+    /// end; `None` where edges are round.
+    pub(super) fn straight_edges_near(
+        &self,
+        centre: DVec3,
+        half: DVec3,
+    ) -> Option<impl Iterator<Item = [DVec3; 2]>> {
+        let Self::Box(size) = *self else { return None };
+        // Of faces at either side.
+        let is_at = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half));
+        let edges = (0..12).filter_map(move |edge| {
+            let (axis, sides) = (edge / 4, [edge % 2, edge / 2 % 2]);
+            let across = [(axis + 1) % 3, (axis + 2) % 3];
+            if !(0..2).all(|face| is_at[sides[face]].test(across[face])) {
+                return None;
+            }
+            let (mut middle, mut way) = (DVec3::ZERO, DVec3::ZERO);
+            way[axis] = size[axis];
+            (0..2).for_each(|face| middle[across[face]] = [-1.0, 1.0][sides[face]] * size[across[face]]);
+            Some([middle, way])
+        });
+        Some(edges)
+    }
+
     /// The edge at a right angle that is nearest to a point.
     pub(super) fn right_angle_near(&self, point: DVec3) -> Option<RightAngle> {
         match *self {

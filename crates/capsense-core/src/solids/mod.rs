@@ -16,7 +16,7 @@ use crate::geometry::{Aabb, Pose, Shape};
 use crate::occupancy::{Earlier, Regions, RightAngle, Span, Surfaces};
 use convex::Convex;
 use enclosed::Enclosed;
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3Swizzles};
 use std::sync::Arc;
 use surface_tree::{SurfaceTree, placed};
 
@@ -194,6 +194,17 @@ impl Placed {
     fn local(&self, point: DVec3) -> DVec3 {
         self.object_from_sensor * (point - self.sensor_from_object.translation)
     }
+
+    /// Whether a segment of the solid's frame, given by its middle and the way from there to its end, meets a box: neither
+    /// one of the box's axes nor one across the segment parts them.
+    fn is_segment_in(&self, [middle, way]: [DVec3; 2], bounds: &Aabb) -> bool {
+        let half = 0.5 * bounds.size();
+        let from_centre = self.sensor_from_object.transform_point3(middle) - 0.5 * (bounds.min + bounds.max);
+        let way = self.sensor_from_object.matrix3 * way;
+        let reach = way.abs();
+        let across = half.zxy() * reach.yzx() + half.yzx() * reach.zxy();
+        from_centre.abs().cmple(half + reach).all() && from_centre.cross(way).abs().cmple(across).all()
+    }
 }
 
 impl Surfaces for Solids {
@@ -255,9 +266,18 @@ impl Surfaces for Solids {
         let half = 0.5 * bounds.size();
         let turned = placed.object_from_sensor;
         let half = (0..3).map(|axis| turned.col(axis).abs() * half[axis]).sum();
+        // A box that is turned against the solid is smaller than that around it in the solid's frame. All that is said
+        // to be in it must be in what `find_changes` tells.
+        let is_in = || self.solids[object].edges.is_in(&placed.sensor_from_object, bounds);
         match &self.solids[object].body {
-            Body::Convex(convex) => convex.has_edge_near(centre, half),
-            Body::Enclosed(enclosed) => enclosed.has_edge_near(centre, half),
+            Body::Convex(convex) => {
+                convex.has_edge_near(centre, half)
+                    && match convex.straight_edges_near(centre, half) {
+                        Some(mut edges) => edges.any(|edge| placed.is_segment_in(edge, bounds)),
+                        None => is_in(),
+                    }
+            }
+            Body::Enclosed(enclosed) => enclosed.has_edge_near(centre, half) && is_in(),
         }
     }
 

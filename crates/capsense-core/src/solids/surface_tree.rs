@@ -105,6 +105,21 @@ impl SurfaceTree {
         self.nodes.len() - 1
     }
 
+    /// Whether one of the smallest boxes, the solid at a pose, touches a box of the sensor frame.
+    pub(super) fn is_in(&self, pose: &DAffine3, bounds: &Aabb) -> bool {
+        let placement = Placement::new(pose);
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            let is_leaf = node.exit as usize == at + 1;
+            let touches = placement.place(node).intersects(bounds);
+            if touches && is_leaf {
+                return true;
+            }
+            at = if touches { at + 1 } else { node.exit as usize };
+        }
+        false
+    }
+
     /// Appends boxes in the sensor frame around all places at which a solid of this surface may answer differently after
     /// a move. They get smaller only until they are good enough for a mesh of some spacing.
     pub(super) fn append_regions(&self, poses: [&DAffine3; 2], spacing: f64, regions: &mut Vec<Aabb>) {

@@ -20,9 +20,10 @@ pub use field::RightAngle;
 pub(super) use star::grown;
 
 use super::coupling::{Coupling, SMALLEST_PART};
+use super::index_set::IndexSet;
 use super::{NO_OBJECT, Scene};
 use crate::geometry::Aabb;
-use crate::mesh::Edges;
+use crate::mesh::{Edges, Lattice};
 use crate::sensor::FREE;
 use field::{POINTS, Places};
 use star::{FAR, Star};
@@ -69,73 +70,59 @@ impl AtWedge {
 pub(super) struct Wedges {
     /// Empty before the first exact surface.
     at: Vec<AtWedge>,
-    /// The frame in which each node was last looked at; regions overlap.
-    seen: Vec<u8>,
-    /// Nodes whose share in their links changed.
-    reshared: Vec<u32>,
-    /// Nodes of which their links alone changed.
+    /// Nodes that are to be looked at.
+    nodes: IndexSet,
+    /// Nodes whose links changed.
     relinked: Vec<u32>,
+    /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside.
+    around: Vec<u32>,
 }
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
-    pub(super) fn update(&mut self, scene: &Scene<'_>, regions: &[Aabb], conductors: &[u16], frame: u8) {
-        self.reshared.clear();
+    pub(super) fn update(&mut self, scene: &Scene<'_>, regions: &[Aabb], conductors: &[u16]) {
         self.relinked.clear();
+        self.around.clear();
+        let Edges::Lattice(lattice) = scene.mesh.edges else { return };
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
-            self.seen.resize(conductors.len(), 0);
+            self.nodes = IndexSet::below(conductors.len());
         }
         if self.at.is_empty() {
             return;
         }
-        let Self { at, seen, reshared, relinked } = self;
+        let Self { at, nodes, relinked, around } = self;
         for region in regions {
             let near = grown(scene.mesh.edges, region);
-            scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &near, |node| {
-                if std::mem::replace(&mut seen[node], frame) != frame {
-                    let now = scene.at_wedge(node, conductors);
-                    let before = std::mem::replace(&mut at[node], now);
-                    if !before.has_share_of(&now) {
-                        reshared.push(node as u32);
-                    } else if before.link.to_bits() != now.link.to_bits() {
-                        relinked.push(node as u32);
-                    }
-                }
-            });
+            lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
+        nodes.drain(|node| {
+            let now = scene.at_wedge(lattice, node, conductors);
+            let before = std::mem::replace(&mut at[node], now);
+            let has_same_share = before.has_share_of(&now);
+            if !has_same_share || before.link.to_bits() != now.link.to_bits() {
+                relinked.push(node as u32);
+            }
+            if !has_same_share || before.is_beside || now.is_beside {
+                around.push(node as u32);
+            }
+        });
     }
 
-    /// After 255 frames, numbers come again.
-    pub(super) fn forget_frames(&mut self) {
-        self.seen.fill(0);
-    }
-
-    /// Whether no edge of a conductor was ever looked for.
-    pub(super) fn are_none(&self) -> bool {
-        self.at.is_empty()
-    }
-
-    /// Visits the edges that the last update may have changed, and tells whether they carry a link that it changed. Others
-    /// only change if they are not plain.
+    /// Visits the edges that the last update may have changed, some several times, and tells whether they carry a link
+    /// that it changed. Others only change if they are not plain, or walls of conductors may pass beside them.
     pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
         for &node in &self.relinked {
             let edge = 3 * node as usize + CARRIER;
             visit(edge, edges.ends_of_existing(edge), true);
         }
-        for &node in &self.reshared {
+        for &node in &self.around {
             edges.for_edges_at(node as usize, |edge, _| {
                 if let Some(ends) = edges.ends(edge) {
-                    visit(edge, ends, edge == 3 * node as usize + CARRIER);
+                    visit(edge, ends, false);
                 }
             });
         }
-    }
-
-    /// Whether nothing but the edge itself and wedges at its ends matter for what is left of it.
-    pub(super) fn are_all(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
-        let is_all = |end: usize| self.at.get(ends[end] as usize).is_some_and(|at| at.is_all_to(owners[end]));
-        self.between(ends).is_some() && is_all(0) && is_all(1)
     }
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
@@ -154,9 +141,8 @@ impl Wedges {
 
 impl Scene<'_> {
     /// What an edge of a conductor near a node makes of it. `conductors` are those that hold nodes.
-    fn at_wedge(&self, node: usize, conductors: &[u16]) -> AtWedge {
-        let Edges::Lattice(lattice) = self.mesh.edges else { return AtWedge::NONE };
-        if conductors[node] != NO_OBJECT {
+    fn at_wedge(&self, lattice: &Lattice, node: usize, conductors: &[u16]) -> AtWedge {
+        if !self.has_silhouettes || conductors[node] != NO_OBJECT {
             return AtWedge::NONE;
         }
         let star = Star::at(lattice, node);

@@ -1,0 +1,88 @@
+//! Numbers of nodes or edges, collected in any order and met in increasing order, each once.
+
+use std::ops::Range;
+
+/// A set of numbers below a bound.
+#[derive(Clone, Debug, Default)]
+pub(super) struct IndexSet {
+    /// One bit for each number.
+    words: Vec<u64>,
+    /// The words outside of which there is nothing.
+    used: Range<usize>,
+}
+
+const BITS: usize = u64::BITS as usize;
+
+impl IndexSet {
+    /// An empty set of numbers below a bound.
+    pub(super) fn below(bound: usize) -> Self {
+        Self { words: vec![0; bound.div_ceil(BITS)], used: 0..0 }
+    }
+
+    #[inline]
+    pub(super) fn insert(&mut self, number: usize) {
+        let word = number / BITS;
+        self.words[word] |= 1 << (number % BITS);
+        self.use_words(word, word);
+    }
+
+    /// Adds all numbers of a range.
+    pub(super) fn insert_all(&mut self, numbers: Range<usize>) {
+        if numbers.is_empty() {
+            return;
+        }
+        let (first, last) = (numbers.start / BITS, (numbers.end - 1) / BITS);
+        let from = u64::MAX << (numbers.start % BITS);
+        let to = u64::MAX >> (BITS - 1 - (numbers.end - 1) % BITS);
+        if first == last {
+            self.words[first] |= from & to;
+        } else {
+            self.words[first] |= from;
+            self.words[first + 1..last].fill(u64::MAX);
+            self.words[last] |= to;
+        }
+        self.use_words(first, last);
+    }
+
+    #[inline]
+    fn use_words(&mut self, first: usize, last: usize) {
+        if self.used.is_empty() {
+            self.used = first..last + 1;
+        } else {
+            self.used = self.used.start.min(first)..self.used.end.max(last + 1);
+        }
+    }
+
+    /// Visits all numbers in increasing order and leaves the set empty.
+    pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
+        for word in std::mem::take(&mut self.used) {
+            let mut bits = std::mem::take(&mut self.words[word]);
+            while bits != 0 {
+                visit(word * BITS + bits.trailing_zeros() as usize);
+                bits &= bits - 1;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_met_in_order_and_once() {
+        let mut set = IndexSet::below(300);
+        let drained = |set: &mut IndexSet| {
+            let mut numbers = Vec::new();
+            set.drain(|number| numbers.push(number));
+            numbers
+        };
+        [299, 3, 64, 3].into_iter().for_each(|number| set.insert(number));
+        assert_eq!(drained(&mut set), [3, 64, 299]);
+        assert_eq!(drained(&mut set), []);
+        for range in [0..1, 5..5, 63..64, 64..128, 60..70, 1..300, 127..257] {
+            set.insert_all(range.clone());
+            assert_eq!(drained(&mut set), range.collect::<Vec<_>>());
+        }
+    }
+}
