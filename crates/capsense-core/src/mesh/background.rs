@@ -35,6 +35,11 @@ impl Background {
         if let [of_all] = *self.values { of_all } else { self.values[index] }
     }
 
+    /// Whether all are known to be the same.
+    pub(crate) fn is_uniform(&self) -> bool {
+        self.values.len() == 1
+    }
+
     /// Those of all places in turn.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = f64> + Clone {
         (0..self.count).map(|index| self.at(index))

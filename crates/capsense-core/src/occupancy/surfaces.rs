@@ -53,6 +53,12 @@ pub trait Surfaces {
         None
     }
 
+    /// The same, or nothing where that place is further from the point than `reach` along one of the axes.
+    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
+        let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(reach).all();
+        self.right_angle_near(object, point).filter(is_near)
+    }
+
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.
     /// Returns whether that can be told; if not, all that is within the bounds of either frame is looked at again.
     fn find_changes(&self, before: &mut Earlier, _regions: &mut Regions) -> bool {

@@ -59,6 +59,17 @@ impl Convex {
         }
     }
 
+    /// Whether two points are both before one flat face or in it, so that what is between them certainly is outside. In that
+    /// case [`Convex::interval`] says the same after divisions, with the same rounding: no part of it is between them.
+    #[inline]
+    pub(super) fn parts_by_face(&self, a: DVec3, b: DVec3) -> bool {
+        match *self {
+            Self::Box(half) => (a.min(b).cmpge(half) | a.max(b).cmple(-half)).any(),
+            Self::Capsule { .. } => false,
+            Self::Cylinder { half_length, .. } => a.z.min(b.z) >= half_length || a.z.max(b.z) <= -half_length,
+        }
+    }
+
     /// Whether a direction is that of the normal of a flat face, but for rounding.
     pub(super) fn has_face_across(&self, direction: DVec3) -> bool {
         let is_along = |axis: f64| 1.0 - axis.abs() < ALIGNED;
@@ -110,6 +121,7 @@ impl Convex {
     }
 
     /// The edge at a right angle that is nearest to a point.
+    #[inline]
     pub(super) fn right_angle_near(&self, point: DVec3) -> Option<RightAngle> {
         match *self {
             Self::Box(half) => {

@@ -232,6 +232,9 @@ impl Surfaces for Solids {
             Body::Convex(convex) => convex,
             Body::Enclosed(enclosed) => return enclosed.span(a, b),
         };
+        if convex.parts_by_face(a, b) {
+            return None;
+        }
         // An end that is inside starts or ends the span, whatever rounding makes of the interval.
         let (from, to) = (convex.contains(a), convex.contains(b));
         if from && to {
@@ -282,12 +285,19 @@ impl Surfaces for Solids {
     }
 
     fn right_angle_near(&self, object: usize, point: DVec3) -> Option<RightAngle> {
+        self.right_angle_within(object, point, DVec3::INFINITY)
+    }
+
+    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
         let Body::Convex(convex) = &self.solids[object].body else { return None };
         let placed = &self.placed[object];
         let angle = convex.right_angle_near(placed.local(point))?;
+        let place = placed.sensor_from_object.transform_point3(angle.place);
+        if !(place - point).abs().cmple(reach).all() {
+            return None;
+        }
         let turn = placed.sensor_from_object.matrix3;
-        let normals = [turn * angle.normals[0], turn * angle.normals[1]];
-        Some(RightAngle { place: placed.sensor_from_object.transform_point3(angle.place), normals, ..angle })
+        Some(RightAngle { place, normals: [turn * angle.normals[0], turn * angle.normals[1]], ..angle })
     }
 
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {

@@ -34,7 +34,7 @@ impl RightAngle {
 pub(super) const POINTS: usize = 8;
 
 /// Coordinates of points by a right angle, one array for each.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Places([[f64; POINTS]; 3]);
 
 impl Places {
@@ -50,6 +50,7 @@ impl Places {
 
     /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. Loops without branches, so that
     /// several points are one instruction.
+    #[inline(always)]
     pub(super) fn potentials(&self, radius: f64) -> [f64; POINTS] {
         let [p, q, along] = &self.0;
         let bend = 0.5 / radius;

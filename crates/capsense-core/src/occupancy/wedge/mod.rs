@@ -23,10 +23,10 @@ use super::coupling::{Coupling, SMALLEST_PART};
 use super::index_set::IndexSet;
 use super::{NO_OBJECT, Scene};
 use crate::geometry::Aabb;
-use crate::mesh::{Edges, Lattice};
+use crate::mesh::Edges;
 use crate::sensor::FREE;
 use field::{POINTS, Places};
-use star::{FAR, Star};
+use star::{FAR, Star, Stars};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -65,6 +65,22 @@ impl AtWedge {
     }
 }
 
+/// A node near an edge of a conductor, and what its link follows from.
+#[derive(Clone, Debug)]
+struct Unlinked {
+    node: usize,
+    /// Which of its edges exist.
+    sides: u8,
+    at: AtWedge,
+    share: f64,
+    /// Of the edge that carries the link, the length and the area of the dual face.
+    length: f64,
+    area: f64,
+    places: Places,
+    weights: [f64; POINTS],
+    radius: f64,
+}
+
 /// What all nodes make of edges of conductors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Wedges {
@@ -72,11 +88,17 @@ pub(super) struct Wedges {
     at: Vec<AtWedge>,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
+    /// Nodes whose links are to be found.
+    unlinked: Vec<Unlinked>,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
-    /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside.
-    around: Vec<u32>,
+    /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
+    /// of their edges exist.
+    around: Vec<(u32, u8)>,
 }
+
+/// Links of so many nodes are found together.
+const TOGETHER: usize = 16;
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
@@ -91,37 +113,77 @@ impl Wedges {
         if self.at.is_empty() {
             return;
         }
-        let Self { at, nodes, relinked, around } = self;
+        let mut nodes = std::mem::take(&mut self.nodes);
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
+        let mut stars = Stars::of(lattice);
         nodes.drain(|node| {
-            let now = scene.at_wedge(lattice, node, conductors);
-            let before = std::mem::replace(&mut at[node], now);
-            let has_same_share = before.has_share_of(&now);
-            if !has_same_share || before.link.to_bits() != now.link.to_bits() {
-                relinked.push(node as u32);
+            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
+                let at = AtWedge::NONE;
+                if self.at[node] != at {
+                    self.settle(node, stars.at(node).sides(), at);
+                }
+                return;
             }
-            if !has_same_share || before.is_beside || now.is_beside {
-                around.push(node as u32);
+            let star = stars.at(node);
+            match scene.linked(&star, conductors) {
+                Some(unlinked) => self.unlinked.push(unlinked),
+                None => self.settle(
+                    node,
+                    star.sides(),
+                    AtWedge { is_beside: scene.is_beside(&star), ..AtWedge::NONE },
+                ),
+            }
+            if self.unlinked.len() == TOGETHER {
+                self.link();
             }
         });
+        self.link();
+        self.nodes = nodes;
+    }
+
+    /// Finds the links that are missing.
+    fn link(&mut self) {
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.unlinked.iter_mut().for_each(Unlinked::link),
+        );
+        let mut unlinked = std::mem::take(&mut self.unlinked);
+        for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
+            self.settle(node, sides, at);
+        }
+        self.unlinked = unlinked;
+    }
+
+    /// Notes what a node makes of edges of conductors, and what of that is new.
+    fn settle(&mut self, node: usize, sides: u8, now: AtWedge) {
+        let before = std::mem::replace(&mut self.at[node], now);
+        let has_same_share = before.has_share_of(&now);
+        if !has_same_share || before.link.to_bits() != now.link.to_bits() {
+            self.relinked.push(node as u32);
+        }
+        if !has_same_share || before.is_beside || now.is_beside {
+            self.around.push((node as u32, sides));
+        }
     }
 
     /// Visits the edges that the last update may have changed, some several times, and tells whether they carry a link
     /// that it changed. Others only change if they are not plain, or walls of conductors may pass beside them.
     pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
+        let Edges::Lattice(lattice) = edges else { return };
         for &node in &self.relinked {
             let edge = 3 * node as usize + CARRIER;
             visit(edge, edges.ends_of_existing(edge), true);
         }
-        for &node in &self.around {
-            edges.for_edges_at(node as usize, |edge, _| {
-                if let Some(ends) = edges.ends(edge) {
-                    visit(edge, ends, false);
-                }
-            });
+        let strides = lattice.strides();
+        for &(node, sides) in &self.around {
+            for side in (0..6).filter(|side| sides >> side & 1 == 1) {
+                let (axis, upwards) = (side / 2, side % 2 == 1);
+                let from = node as usize - if upwards { 0 } else { strides[axis] };
+                visit(3 * from + axis, [from as u32, (from + strides[axis]) as u32], false);
+            }
         }
     }
 
@@ -140,31 +202,33 @@ impl Wedges {
 }
 
 impl Scene<'_> {
-    /// What an edge of a conductor near a node makes of it. `conductors` are those that hold nodes.
-    fn at_wedge(&self, lattice: &Lattice, node: usize, conductors: &[u16]) -> AtWedge {
-        if !self.has_silhouettes || conductors[node] != NO_OBJECT {
-            return AtWedge::NONE;
-        }
-        let star = Star::at(lattice, node);
-        let linked = if self.mesh.terminals[node] == FREE { self.linked(&star, conductors) } else { None };
-        let at = linked.unwrap_or(AtWedge::NONE);
-        let is_beside = !at.is_all && self.has_edges_in(&star.bounds());
-        AtWedge { is_beside, ..at }
+    /// Whether a conductor has an edge among the cells around a node.
+    fn is_beside(&self, star: &Star<'_>) -> bool {
+        self.has_edges_in(&star.bounds())
     }
 
-    /// The link of a node that is near an edge of a conductor.
-    fn linked(&self, star: &Star<'_>, conductors: &[u16]) -> Option<AtWedge> {
+    /// What a node that is near an edge of a conductor makes of it, but for the link. `conductors` are those that hold
+    /// nodes.
+    fn linked(&self, star: &Star<'_>, conductors: &[u16]) -> Option<Unlinked> {
+        if self.mesh.terminals[star.node] != FREE {
+            return None;
+        }
         let (object, angle, share) = self.nearest_edge(star)?;
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
-        let link = share * self.link(star, object, &angle, conductors) * length / area;
         let is_all = share >= 1.0 && angle.thickness >= star.longest();
-        Some(AtWedge { object: object as u16, share: share as f32, link, is_all, is_beside: false })
+        let is_beside = !is_all && self.is_beside(star);
+        let at = AtWedge { object: object as u16, share: share as f32, link: 0.0, is_all, is_beside };
+        let (places, weights) = self.around(star, object, &angle, conductors);
+        let sides = star.sides();
+        let radius = angle.radius;
+        Some(Unlinked { node: star.node, sides, at, share, length, area, places, weights, radius })
     }
 
     /// The edge of a conductor that is nearest to a node, and its share in the node's links.
     fn nearest_edge(&self, star: &Star<'_>) -> Option<(usize, RightAngle, f64)> {
         let point = self.mesh.nodes[star.node];
+        let reach = star.reach();
         let is_alone = self.bounds.len() == 1;
         let mut found = None;
         let mut share = 1.0_f64;
@@ -174,7 +238,7 @@ impl Scene<'_> {
                 continue;
             }
             let near = (found.is_none() && self.is_conductor(object))
-                .then(|| self.surfaces.right_angle_near(object, point))
+                .then(|| self.surfaces.right_angle_within(object, point, reach))
                 .flatten()
                 .map(|angle| (object, angle, share_of(star, &angle)));
             match near {
@@ -187,6 +251,9 @@ impl Scene<'_> {
 
     /// Whether the background is the same all around a node.
     fn is_homogeneous(&self, star: &Star<'_>) -> bool {
+        if self.mesh.permittivity.is_uniform() {
+            return true;
+        }
         let mut all = None;
         let mut is_homogeneous = true;
         for axis in 0..3 {
@@ -201,38 +268,39 @@ impl Scene<'_> {
         is_homogeneous
     }
 
-    /// Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
-    fn link(&self, star: &Star<'_>, object: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
+    /// Where a node and its neighbours are by a right angle, and the weights, areas over distances, of the edges that lead
+    /// to those neighbours which the conductor does not cut off.
+    fn around(
+        &self,
+        star: &Star<'_>,
+        object: usize,
+        angle: &RightAngle,
+        conductors: &[u16],
+    ) -> (Places, [f64; POINTS]) {
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
-        let steps = [angle.normals[0], angle.normals[1], angle.along()];
+        let [p, q, along] = [angle.normals[0], angle.normals[1], angle.along()];
         let widths = [star.width(0), star.width(1), star.width(2)];
         let mut places = Places::default();
         let mut weights = [0.0; POINTS];
         places.set(0, own);
-        for (neighbour, weight) in weights.iter_mut().enumerate().take(POINTS - 1).skip(1) {
-            let (axis, upwards) = ((neighbour - 1) / 2, neighbour % 2 == 0);
-            let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
-            let step = if upwards { distance } else { -distance };
-            let [p, q, along] = steps;
-            places.set(
-                neighbour,
-                [own[0] + step * p[axis], own[1] + step * q[axis], own[2] + step * along[axis]],
-            );
-            let is_seen = places.see_each_other(0, neighbour)
-                || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
-            if is_seen && usize::from(conductors[node]) != object {
-                *weight = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
+        for axis in 0..3 {
+            for upwards in [false, true] {
+                let neighbour = 1 + 2 * axis + usize::from(upwards);
+                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
+                let step = if upwards { distance } else { -distance };
+                places.set(
+                    neighbour,
+                    [own[0] + step * p[axis], own[1] + step * q[axis], own[2] + step * along[axis]],
+                );
+                let is_seen = places.see_each_other(0, neighbour)
+                    || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
+                if is_seen && usize::from(conductors[node]) != object {
+                    weights[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
+                }
             }
         }
-        let potentials = places.potentials(angle.radius);
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        for (weight, potential) in weights.into_iter().zip(potentials) {
-            sum += weight * potential;
-            of_weights += weight;
-            highest = f64::max(highest, potential);
-        }
-        sum / potentials[0].max(SMALLEST_PART * highest) - of_weights
+        (places, weights)
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
@@ -282,6 +350,22 @@ impl Scene<'_> {
         places.set(1, angle.coordinates(to));
         let [own, other, ..] = places.potentials(angle.radius);
         other / own.max(SMALLEST_PART * other) - 1.0
+    }
+}
+
+impl Unlinked {
+    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
+    #[inline(always)]
+    fn link(&mut self) {
+        let potentials = self.places.potentials(self.radius);
+        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
+        for (weight, potential) in self.weights.into_iter().zip(potentials) {
+            sum += weight * potential;
+            of_weights += weight;
+            highest = f64::max(highest, potential);
+        }
+        let link = sum / potentials[0].max(SMALLEST_PART * highest) - of_weights;
+        self.at.link = self.share * link * self.length / self.area;
     }
 }
 

@@ -3,52 +3,97 @@
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
+use std::ops::Range;
 
 /// So many cells from an edge of a conductor, nothing is known of it.
 pub(super) const FAR: f64 = 2.0;
 /// Planes of nodes on either side of an edge that may be nearer.
-const PLANES: usize = 2;
+const PLANES: usize = FAR as usize;
 
 /// A node of the lattice and its neighbours.
 pub(super) struct Star<'a> {
     lattice: &'a Lattice,
     pub(super) node: usize,
     place: [usize; 3],
+    /// How far the neighbours below and above are along each axis; zero where the lattice ends.
+    ways: [[f64; 2]; 3],
+}
+
+/// Finds the places of nodes, which mostly are in the row of the one before.
+pub(super) struct Stars<'a> {
+    lattice: &'a Lattice,
+    row: Range<usize>,
+    place: [usize; 3],
+}
+
+impl<'a> Stars<'a> {
+    pub(super) fn of(lattice: &'a Lattice) -> Self {
+        Self { lattice, row: 0..0, place: [0; 3] }
+    }
+
+    pub(super) fn at(&mut self, node: usize) -> Star<'a> {
+        if !self.row.contains(&node) {
+            self.place = self.lattice.node_place(node);
+            let start = node - self.place[0];
+            self.row = start..start + self.lattice.node_counts()[0];
+        }
+        self.place[0] = node - self.row.start;
+        Star::new(self.lattice, node, self.place)
+    }
 }
 
 impl<'a> Star<'a> {
-    pub(super) fn at(lattice: &'a Lattice, node: usize) -> Self {
-        Self { lattice, node, place: lattice.node_place(node) }
+    fn new(lattice: &'a Lattice, node: usize, place: [usize; 3]) -> Self {
+        let ways = std::array::from_fn(|axis| {
+            let (planes, index) = (&lattice.axes()[axis], place[axis]);
+            let below = if index > 0 { planes[index] - planes[index - 1] } else { 0.0 };
+            [below, planes.get(index + 1).map_or(0.0, |next| next - planes[index])]
+        });
+        Self { lattice, node, place, ways }
     }
 
     /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
+    #[inline]
     pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
-        let (planes, index) = (&self.lattice.axes()[axis], self.place[axis]);
+        let way = self.ways[axis][usize::from(upwards)];
         let stride = self.lattice.strides()[axis];
-        if upwards {
-            Some((self.node + stride, planes.get(index + 1)? - planes[index]))
-        } else {
-            let way = planes[index] - planes[index.checked_sub(1)?];
-            Some((self.node - stride, way))
-        }
+        (way > 0.0).then(|| (if upwards { self.node + stride } else { self.node - stride }, way))
+    }
+
+    /// Which of the node's edges exist: a bit for that to the neighbour below along each axis and that above.
+    pub(super) fn sides(&self) -> u8 {
+        let exists = self.ways.as_flattened().iter().map(|&way| u8::from(way > 0.0));
+        exists.enumerate().map(|(side, exists)| exists << side).sum()
     }
 
     /// Half of the way to the neighbours along an axis.
     pub(super) fn width(&self, axis: usize) -> f64 {
-        let way = |upwards| self.neighbour(axis, upwards).map_or(0.0, |(_, way)| way);
-        0.5 * (way(false) + way(true))
+        0.5 * (self.ways[axis][0] + self.ways[axis][1])
     }
 
     /// The way to the nearer neighbour along an axis.
     pub(super) fn narrowest(&self, axis: usize) -> f64 {
-        let way = |upwards| self.neighbour(axis, upwards).map_or(f64::INFINITY, |(_, way)| way);
-        way(false).min(way(true))
+        let [below, above] = self.ways[axis];
+        if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) }
     }
 
     /// The way to the farthest neighbour.
     pub(super) fn longest(&self) -> f64 {
-        let way = |axis: usize, upwards| self.neighbour(axis, upwards).map_or(0.0, |(_, way)| way);
-        [0, 1, 2].into_iter().fold(0.0, |longest, axis| way(axis, false).max(way(axis, true)).max(longest))
+        self.ways.as_flattened().iter().fold(0.0, |longest, way| way.max(longest))
+    }
+
+    /// How far a place less than [`FAR`] cells away may be along each axis.
+    pub(super) fn reach(&self) -> DVec3 {
+        DVec3::from_array(std::array::from_fn(|axis| {
+            let (planes, index) = (&self.lattice.axes()[axis], self.place[axis]);
+            let [below, above] = self.ways[axis];
+            let next_below = if index > 1 { planes[index - 1] - planes[index - 2] } else { below };
+            let next_above = planes.get(index + 2).map_or(above, |next| next - planes[index + 1]);
+            // Behind the first and the last plane, cells are as those before it.
+            let two_below = if below > 0.0 { below + next_below } else { 2.0 * above };
+            let two_above = if above > 0.0 { above + next_above } else { 2.0 * below };
+            two_below.max(two_above)
+        }))
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
@@ -65,8 +110,14 @@ impl<'a> Star<'a> {
 
     /// Cells between the node and a point, along the axis where there are most; no more than [`FAR`].
     pub(super) fn cells_to(&self, point: DVec3) -> f64 {
-        let along = |axis: usize| cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]);
-        along(0).max(along(1)).max(along(2))
+        let mut most = 0.0_f64;
+        for axis in 0..3 {
+            most = most.max(cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]));
+            if most >= FAR {
+                break;
+            }
+        }
+        most
     }
 }
 
