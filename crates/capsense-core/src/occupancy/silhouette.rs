@@ -238,6 +238,9 @@ impl Scene<'_> {
     fn beside_towards(&self, tube: &Tube, object: usize, across: &Across, number: usize) -> Beside {
         let Some(side) = across.side(number) else { return Beside::default() };
         let reach = 1.0 + across.fringe / across.widths[number];
+        if self.surfaces.misses(object, tube.from, [tube.to - tube.from, reach * side]) {
+            return Beside::default();
+        }
         let Some((span, found)) = self.probe(tube, object, reach * side) else { return Beside::default() };
         let place = |part: f64| part * reach * across.widths[number];
         let distance = place(found.enter);

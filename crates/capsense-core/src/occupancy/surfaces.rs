@@ -33,6 +33,11 @@ pub trait Surfaces {
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
 
+    /// Whether it is soon seen that an object certainly misses all of the parallelogram between two ways from a corner.
+    fn misses(&self, _object: usize, _corner: DVec3, _ways: [DVec3; 2]) -> bool {
+        false
+    }
+
     /// Whether spans tell where surfaces are exactly enough to measure how far they reach across an edge.
     fn are_exact(&self) -> bool {
         false

@@ -15,6 +15,9 @@ const SHRINK: f64 = 1e-12;
 /// Cosines of angles differ from 1 by less than this where the angle is none but for rounding.
 const ALIGNED: f64 = 1e-15;
 
+/// What is beyond a face by this part of how far it is from the centre is so whatever rounding does.
+const BEYOND: f64 = 1e-9;
+
 /// A convex solid about the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Convex {
@@ -67,6 +70,17 @@ impl Convex {
             Self::Box(half) => (a.min(b).cmpge(half) | a.max(b).cmple(-half)).any(),
             Self::Capsule { .. } => false,
             Self::Cylinder { half_length, .. } => a.z.min(b.z) >= half_length || a.z.max(b.z) <= -half_length,
+        }
+    }
+
+    /// Whether a box of half size `half` about a point is all before one flat face, by more than rounding.
+    #[inline]
+    pub(super) fn is_beyond_face(&self, centre: DVec3, half: DVec3) -> bool {
+        let near = (centre.abs() - half) * (1.0 - BEYOND);
+        match *self {
+            Self::Box(size) => near.cmpgt(size).any(),
+            Self::Capsule { .. } => false,
+            Self::Cylinder { half_length, .. } => near.z > half_length,
         }
     }
 

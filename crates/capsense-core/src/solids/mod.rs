@@ -253,6 +253,13 @@ impl Surfaces for Solids {
         }
     }
 
+    fn misses(&self, object: usize, corner: DVec3, [a, b]: [DVec3; 2]) -> bool {
+        let Body::Convex(convex) = &self.solids[object].body else { return false };
+        let placed = &self.placed[object];
+        let [a, b] = [placed.object_from_sensor * a, placed.object_from_sensor * b];
+        convex.is_beyond_face(placed.local(corner) + 0.5 * (a + b), 0.5 * (a.abs() + b.abs()))
+    }
+
     fn are_exact(&self) -> bool {
         true
     }
@@ -319,7 +326,7 @@ impl Surfaces for Solids {
                 regions.around_edges().extend([was_at, self.placed[object].bounds]);
             } else {
                 solid.surface.append_regions([&earlier, &now], spacing, boxes);
-                solid.edges.append_regions([&earlier, &now], spacing, regions.around_edges());
+                solid.edges.append_regions_at_edges([&earlier, &now], spacing, regions.around_edges());
             }
         }
         true

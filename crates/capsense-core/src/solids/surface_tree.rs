@@ -40,6 +40,8 @@ const MARGIN: f64 = 1e-9;
 /// on lattices of 30,000 and 1,000,000 tetrahedra: smaller boxes cost more than they save.
 const SMALL: f64 = 1.0;
 const LONG: f64 = 16.0;
+/// Around edges, all nodes within two cells of a box are visited, so that it pays to follow edges more closely.
+const LONG_AT_EDGES: f64 = 3.0;
 const THIN: f64 = 0.3;
 
 /// A box in the solid's frame around a piece of its surface.
@@ -123,6 +125,20 @@ impl SurfaceTree {
     /// Appends boxes in the sensor frame around all places at which a solid of this surface may answer differently after
     /// a move. They get smaller only until they are good enough for a mesh of some spacing.
     pub(super) fn append_regions(&self, poses: [&DAffine3; 2], spacing: f64, regions: &mut Vec<Aabb>) {
+        self.append_boxes(poses, spacing, LONG, regions);
+    }
+
+    /// The same for lines where a surface turns abruptly.
+    pub(super) fn append_regions_at_edges(
+        &self,
+        poses: [&DAffine3; 2],
+        spacing: f64,
+        regions: &mut Vec<Aabb>,
+    ) {
+        self.append_boxes(poses, spacing, LONG_AT_EDGES, regions);
+    }
+
+    fn append_boxes(&self, poses: [&DAffine3; 2], spacing: f64, long: f64, regions: &mut Vec<Aabb>) {
         let moved = !kept_coordinates(poses);
         let [before, now] = poses.map(Placement::new);
         let mut at = 0;
@@ -134,7 +150,7 @@ impl SurfaceTree {
             let (a, b) = (before.place(node), now.place(node));
             let region = Aabb { min: a.min.min(b.min), max: a.max.max(b.max) };
             let is_leaf = node.exit as usize == at + 1;
-            if is_leaf || is_good_enough(&region, spacing) {
+            if is_leaf || is_good_enough(&region, spacing, long) {
                 regions.push(region);
                 at = node.exit as usize;
             } else {
@@ -157,10 +173,10 @@ fn kept_coordinates([before, now]: [&DAffine3; 2]) -> BVec3 {
 }
 
 /// Whether smaller boxes would save little: this one is small, or so thin that it mostly holds what must be visited.
-fn is_good_enough(region: &Aabb, spacing: f64) -> bool {
+fn is_good_enough(region: &Aabb, spacing: f64, long: f64) -> bool {
     let size = region.size();
     let longest = size.max_element();
-    longest <= SMALL * spacing || (longest <= LONG * spacing && size.min_element() <= THIN * spacing)
+    longest <= SMALL * spacing || (longest <= long * spacing && size.min_element() <= THIN * spacing)
 }
 
 /// A pose, and what it makes of the half sizes of boxes.

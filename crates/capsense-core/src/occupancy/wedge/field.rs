@@ -34,10 +34,16 @@ impl RightAngle {
 pub(super) const POINTS: usize = 8;
 
 /// Coordinates of points by a right angle, one array for each.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Places([[f64; POINTS]; 3]);
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Places<const N: usize = POINTS>([[f64; N]; 3]);
 
-impl Places {
+impl<const N: usize> Default for Places<N> {
+    fn default() -> Self {
+        Self([[0.0; N]; 3])
+    }
+}
+
+impl<const N: usize> Places<N> {
     pub(super) fn set(&mut self, point: usize, place: [f64; 3]) {
         (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
     }
@@ -51,19 +57,19 @@ impl Places {
     /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. Loops without branches, so that
     /// several points are one instruction.
     #[inline(always)]
-    pub(super) fn potentials(&self, radius: f64) -> [f64; POINTS] {
+    pub(super) fn potentials(&self, radius: f64) -> [f64; N] {
         let [p, q, along] = &self.0;
         let bend = 0.5 / radius;
-        let (mut before, mut squared, mut roots) = ([0.0; POINTS], [0.0; POINTS], [0.0; POINTS]);
-        for point in 0..POINTS {
+        let (mut before, mut squared, mut roots) = ([0.0; N], [0.0; N], [0.0; N]);
+        for point in 0..N {
             before[point] = p[point] + bend * along[point] * along[point];
             squared[point] = before[point] * before[point] + q[point] * q[point] + f64::MIN_POSITIVE;
         }
-        for point in 0..POINTS {
+        for point in 0..N {
             roots[point] = about_cube_root(squared[point]);
         }
-        let mut potentials = [0.0; POINTS];
-        for point in 0..POINTS {
+        let mut potentials = [0.0; N];
+        for point in 0..N {
             let (p, q, squared) = (before[point], q[point], squared[point]);
             // From the bisector outside, angles are φ = θ - 3π/4.
             let third = cosine_of_third(std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.sqrt());
@@ -124,7 +130,7 @@ mod tests {
             let theta = 6.0 * FRAC_PI_4 * f64::from(step) / 60.0;
             for r in [1e-6, 0.02, 3.0_f64] {
                 let (sine, cosine) = theta.sin_cos();
-                let mut places = Places::default();
+                let mut places = Places::<POINTS>::default();
                 places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
                 places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
                 let [found, within, at_edge, ..] = places.potentials(angle.radius);

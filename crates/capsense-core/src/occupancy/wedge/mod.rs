@@ -77,7 +77,9 @@ struct Unlinked {
     length: f64,
     area: f64,
     places: Places,
-    weights: [f64; POINTS],
+    /// Of the edges to the neighbours that are seen, and how far these are.
+    areas: [f64; POINTS],
+    distances: [f64; POINTS],
     radius: f64,
 }
 
@@ -86,6 +88,7 @@ struct Unlinked {
 pub(super) struct Wedges {
     /// Empty before the first exact surface.
     at: Vec<AtWedge>,
+    stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
     /// Nodes whose links are to be found.
@@ -109,6 +112,7 @@ impl Wedges {
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
+            self.stars = Stars::of(lattice);
         }
         if self.at.is_empty() {
             return;
@@ -118,16 +122,16 @@ impl Wedges {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
-        let mut stars = Stars::of(lattice);
         nodes.drain(|node| {
             if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
                 let at = AtWedge::NONE;
                 if self.at[node] != at {
-                    self.settle(node, stars.at(node).sides(), at);
+                    let sides = self.stars.at(lattice, node).sides();
+                    self.settle(node, sides, at);
                 }
                 return;
             }
-            let star = stars.at(node);
+            let star = self.stars.at(lattice, node);
             match scene.linked(&star, conductors) {
                 Some(unlinked) => self.unlinked.push(unlinked),
                 None => self.settle(
@@ -219,10 +223,20 @@ impl Scene<'_> {
         let is_all = share >= 1.0 && angle.thickness >= star.longest();
         let is_beside = !is_all && self.is_beside(star);
         let at = AtWedge { object: object as u16, share: share as f32, link: 0.0, is_all, is_beside };
-        let (places, weights) = self.around(star, object, &angle, conductors);
-        let sides = star.sides();
-        let radius = angle.radius;
-        Some(Unlinked { node: star.node, sides, at, share, length, area, places, weights, radius })
+        let mut unlinked = Unlinked {
+            node: star.node,
+            sides: star.sides(),
+            at,
+            share,
+            length,
+            area,
+            places: Places::default(),
+            areas: [0.0; POINTS],
+            distances: [1.0; POINTS],
+            radius: angle.radius,
+        };
+        self.look_around(star, object, &angle, conductors, &mut unlinked);
+        Some(unlinked)
     }
 
     /// The edge of a conductor that is nearest to a node, and its share in the node's links.
@@ -268,21 +282,20 @@ impl Scene<'_> {
         is_homogeneous
     }
 
-    /// Where a node and its neighbours are by a right angle, and the weights, areas over distances, of the edges that lead
-    /// to those neighbours which the conductor does not cut off.
-    fn around(
+    /// Finds where a node and its neighbours are by a right angle, how far these are, and of the edges that lead to those
+    /// which the conductor does not cut off the areas of the dual faces.
+    fn look_around(
         &self,
         star: &Star<'_>,
         object: usize,
         angle: &RightAngle,
         conductors: &[u16],
-    ) -> (Places, [f64; POINTS]) {
+        Unlinked { places, areas, distances, .. }: &mut Unlinked,
+    ) {
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
         let [p, q, along] = [angle.normals[0], angle.normals[1], angle.along()];
         let widths = [star.width(0), star.width(1), star.width(2)];
-        let mut places = Places::default();
-        let mut weights = [0.0; POINTS];
         places.set(0, own);
         for axis in 0..3 {
             for upwards in [false, true] {
@@ -296,11 +309,11 @@ impl Scene<'_> {
                 let is_seen = places.see_each_other(0, neighbour)
                     || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
                 if is_seen && usize::from(conductors[node]) != object {
-                    weights[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3] / distance;
+                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
+                    distances[neighbour] = distance;
                 }
             }
         }
-        (places, weights)
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
@@ -345,10 +358,10 @@ impl Scene<'_> {
     fn slope_from(&self, object: u16, nodes: [u32; 2]) -> f64 {
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
         let Some(angle) = self.surfaces.right_angle_near(object.into(), from) else { return 0.0 };
-        let mut places = Places::default();
+        let mut places = Places::<2>::default();
         places.set(0, angle.coordinates(from));
         places.set(1, angle.coordinates(to));
-        let [own, other, ..] = places.potentials(angle.radius);
+        let [own, other] = places.potentials(angle.radius);
         other / own.max(SMALLEST_PART * other) - 1.0
     }
 }
@@ -359,7 +372,11 @@ impl Unlinked {
     fn link(&mut self) {
         let potentials = self.places.potentials(self.radius);
         let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        for (weight, potential) in self.weights.into_iter().zip(potentials) {
+        let mut weights = [0.0; POINTS];
+        for point in 0..POINTS {
+            weights[point] = self.areas[point] / self.distances[point];
+        }
+        for (weight, potential) in weights.into_iter().zip(potentials) {
             sum += weight * potential;
             of_weights += weight;
             highest = f64::max(highest, potential);

@@ -10,102 +10,110 @@ pub(super) const FAR: f64 = 2.0;
 /// Planes of nodes on either side of an edge that may be nearer.
 const PLANES: usize = FAR as usize;
 
+/// A plane of nodes across an axis.
+#[derive(Clone, Copy, Debug)]
+struct Plane {
+    /// How far the planes below and above are; zero where the lattice ends.
+    ways: [f64; 2],
+    /// Where they are, or this one where the lattice ends.
+    next: [f64; 2],
+    /// How far what is less than [`FAR`] cells away may be.
+    reach: f64,
+}
+
+impl Plane {
+    fn of(planes: &[f64], index: usize) -> Self {
+        let at = planes[index];
+        let next = [index.checked_sub(1), Some(index + 1)]
+            .map(|next| next.and_then(|next| planes.get(next)).copied().unwrap_or(at));
+        let [below, above] = [at - next[0], next[1] - at];
+        // Behind the first and the last plane, cells are as those before it.
+        let two_below = if index > 1 { at - planes[index - 2] } else { 2.0 * below.max(above) };
+        let two_above = planes.get(index + 2).map_or(2.0 * below.max(above), |plane| plane - at);
+        Self { ways: [below, above], next, reach: two_below.max(two_above) }
+    }
+}
+
+/// The planes of a lattice, and the row of nodes that was asked for last.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stars {
+    planes: [Vec<Plane>; 3],
+    row: Range<usize>,
+    place: [usize; 3],
+}
+
+impl Stars {
+    pub(super) fn of(lattice: &Lattice) -> Self {
+        let planes = lattice
+            .axes()
+            .each_ref()
+            .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
+        Self { planes, row: 0..0, place: [0; 3] }
+    }
+
+    /// A node of the lattice, best in the row of the one before.
+    #[inline]
+    pub(super) fn at<'a>(&mut self, lattice: &'a Lattice, node: usize) -> Star<'a> {
+        if !self.row.contains(&node) {
+            self.place = lattice.node_place(node);
+            let start = node - self.place[0];
+            self.row = start..start + lattice.node_counts()[0];
+        }
+        self.place[0] = node - self.row.start;
+        let plane = |axis: usize| self.planes[axis][self.place[axis]];
+        Star { lattice, node, place: self.place, planes: [plane(0), plane(1), plane(2)] }
+    }
+}
+
 /// A node of the lattice and its neighbours.
 pub(super) struct Star<'a> {
     lattice: &'a Lattice,
     pub(super) node: usize,
     place: [usize; 3],
-    /// How far the neighbours below and above are along each axis; zero where the lattice ends.
-    ways: [[f64; 2]; 3],
+    planes: [Plane; 3],
 }
 
-/// Finds the places of nodes, which mostly are in the row of the one before.
-pub(super) struct Stars<'a> {
-    lattice: &'a Lattice,
-    row: Range<usize>,
-    place: [usize; 3],
-}
-
-impl<'a> Stars<'a> {
-    pub(super) fn of(lattice: &'a Lattice) -> Self {
-        Self { lattice, row: 0..0, place: [0; 3] }
-    }
-
-    pub(super) fn at(&mut self, node: usize) -> Star<'a> {
-        if !self.row.contains(&node) {
-            self.place = self.lattice.node_place(node);
-            let start = node - self.place[0];
-            self.row = start..start + self.lattice.node_counts()[0];
-        }
-        self.place[0] = node - self.row.start;
-        Star::new(self.lattice, node, self.place)
-    }
-}
-
-impl<'a> Star<'a> {
-    fn new(lattice: &'a Lattice, node: usize, place: [usize; 3]) -> Self {
-        let ways = std::array::from_fn(|axis| {
-            let (planes, index) = (&lattice.axes()[axis], place[axis]);
-            let below = if index > 0 { planes[index] - planes[index - 1] } else { 0.0 };
-            [below, planes.get(index + 1).map_or(0.0, |next| next - planes[index])]
-        });
-        Self { lattice, node, place, ways }
-    }
-
+impl Star<'_> {
     /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
     #[inline]
     pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
-        let way = self.ways[axis][usize::from(upwards)];
+        let way = self.planes[axis].ways[usize::from(upwards)];
         let stride = self.lattice.strides()[axis];
         (way > 0.0).then(|| (if upwards { self.node + stride } else { self.node - stride }, way))
     }
 
     /// Which of the node's edges exist: a bit for that to the neighbour below along each axis and that above.
     pub(super) fn sides(&self) -> u8 {
-        let exists = self.ways.as_flattened().iter().map(|&way| u8::from(way > 0.0));
+        let exists = self.planes.iter().flat_map(|plane| plane.ways).map(|way| u8::from(way > 0.0));
         exists.enumerate().map(|(side, exists)| exists << side).sum()
     }
 
     /// Half of the way to the neighbours along an axis.
     pub(super) fn width(&self, axis: usize) -> f64 {
-        0.5 * (self.ways[axis][0] + self.ways[axis][1])
+        let [below, above] = self.planes[axis].ways;
+        0.5 * (below + above)
     }
 
     /// The way to the nearer neighbour along an axis.
     pub(super) fn narrowest(&self, axis: usize) -> f64 {
-        let [below, above] = self.ways[axis];
+        let [below, above] = self.planes[axis].ways;
         if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) }
     }
 
     /// The way to the farthest neighbour.
     pub(super) fn longest(&self) -> f64 {
-        self.ways.as_flattened().iter().fold(0.0, |longest, way| way.max(longest))
+        self.planes.iter().flat_map(|plane| plane.ways).fold(0.0, f64::max)
     }
 
     /// How far a place less than [`FAR`] cells away may be along each axis.
     pub(super) fn reach(&self) -> DVec3 {
-        DVec3::from_array(std::array::from_fn(|axis| {
-            let (planes, index) = (&self.lattice.axes()[axis], self.place[axis]);
-            let [below, above] = self.ways[axis];
-            let next_below = if index > 1 { planes[index - 1] - planes[index - 2] } else { below };
-            let next_above = planes.get(index + 2).map_or(above, |next| next - planes[index + 1]);
-            // Behind the first and the last plane, cells are as those before it.
-            let two_below = if below > 0.0 { below + next_below } else { 2.0 * above };
-            let two_above = if above > 0.0 { above + next_above } else { 2.0 * below };
-            two_below.max(two_above)
-        }))
+        DVec3::from_array([0, 1, 2].map(|axis| self.planes[axis].reach))
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
     pub(super) fn bounds(&self) -> Aabb {
-        let planes = |axis: usize, index: usize| {
-            let planes = &self.lattice.axes()[axis];
-            planes[index.min(planes.len() - 1)]
-        };
-        let [i, j, k] = self.place;
-        let corner = |[i, j, k]: [usize; 3]| DVec3::new(planes(0, i), planes(1, j), planes(2, k));
-        let below = [i, j, k].map(|index| index.saturating_sub(1));
-        Aabb { min: corner(below), max: corner([i + 1, j + 1, k + 1]) }
+        let corner = |side: usize| DVec3::from_array([0, 1, 2].map(|axis| self.planes[axis].next[side]));
+        Aabb { min: corner(0), max: corner(1) }
     }
 
     /// Cells between the node and a point, along the axis where there are most; no more than [`FAR`].
