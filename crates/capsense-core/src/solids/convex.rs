@@ -110,28 +110,34 @@ impl Convex {
         }
     }
 
-    /// The edges that may be in a box of half size `half` about a point, each by its middle and the way from there to its
-    /// end; `None` where edges are round.
-    pub(super) fn straight_edges_near(
+    /// Whether some of the edges that may be in a box of half size `half` about a point, each given by its middle and the
+    /// way from there to its end, is what is wanted; `None` where edges are round.
+    pub(super) fn any_straight_edge_near(
         &self,
         centre: DVec3,
         half: DVec3,
-    ) -> Option<impl Iterator<Item = [DVec3; 2]>> {
+        mut is_wanted: impl FnMut(DVec3, DVec3) -> bool,
+    ) -> Option<bool> {
         let Self::Box(size) = *self else { return None };
         // Of faces at either side.
-        let is_at = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half));
-        let edges = (0..12).filter_map(move |edge| {
-            let (axis, sides) = (edge / 4, [edge % 2, edge / 2 % 2]);
-            let across = [(axis + 1) % 3, (axis + 2) % 3];
-            if !(0..2).all(|face| is_at[sides[face]].test(across[face])) {
-                return None;
+        let is_at = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half).bitmask());
+        for axis in 0..3 {
+            let [first, second] = [(axis + 1) % 3, (axis + 2) % 3];
+            for corner in 0..4 {
+                let [one, other] = [corner & 1, corner >> 1];
+                if is_at[one] >> first & is_at[other] >> second & 1 == 0 {
+                    continue;
+                }
+                let (mut middle, mut way) = (DVec3::ZERO, DVec3::ZERO);
+                way[axis] = size[axis];
+                middle[first] = size[first].copysign(one as f64 - 0.5);
+                middle[second] = size[second].copysign(other as f64 - 0.5);
+                if is_wanted(middle, way) {
+                    return Some(true);
+                }
             }
-            let (mut middle, mut way) = (DVec3::ZERO, DVec3::ZERO);
-            way[axis] = size[axis];
-            (0..2).for_each(|face| middle[across[face]] = [-1.0, 1.0][sides[face]] * size[across[face]]);
-            Some([middle, way])
-        });
-        Some(edges)
+        }
+        Some(false)
     }
 
     /// The edge at a right angle that is nearest to a point.

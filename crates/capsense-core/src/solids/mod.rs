@@ -197,7 +197,7 @@ impl Placed {
 
     /// Whether a segment of the solid's frame, given by its middle and the way from there to its end, meets a box: neither
     /// one of the box's axes nor one across the segment parts them.
-    fn is_segment_in(&self, [middle, way]: [DVec3; 2], bounds: &Aabb) -> bool {
+    fn is_segment_in(&self, middle: DVec3, way: DVec3, bounds: &Aabb) -> bool {
         let half = 0.5 * bounds.size();
         let from_centre = self.sensor_from_object.transform_point3(middle) - 0.5 * (bounds.min + bounds.max);
         let way = self.sensor_from_object.matrix3 * way;
@@ -281,11 +281,9 @@ impl Surfaces for Solids {
         let is_in = || self.solids[object].edges.is_in(&placed.sensor_from_object, bounds);
         match &self.solids[object].body {
             Body::Convex(convex) => {
+                let is_met = |middle, way| placed.is_segment_in(middle, way, bounds);
                 convex.has_edge_near(centre, half)
-                    && match convex.straight_edges_near(centre, half) {
-                        Some(mut edges) => edges.any(|edge| placed.is_segment_in(edge, bounds)),
-                        None => is_in(),
-                    }
+                    && convex.any_straight_edge_near(centre, half, is_met).unwrap_or_else(is_in)
             }
             Body::Enclosed(enclosed) => enclosed.has_edge_near(centre, half) && is_in(),
         }

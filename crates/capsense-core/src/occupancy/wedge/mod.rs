@@ -150,9 +150,14 @@ impl Wedges {
 
     /// Finds the links that are missing.
     fn link(&mut self) {
+        // No `for_each`: what it calls is not compiled for these instructions.
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || self.unlinked.iter_mut().for_each(Unlinked::link),
+            || {
+                for unlinked in &mut self.unlinked {
+                    unlinked.link();
+                }
+            },
         );
         let mut unlinked = std::mem::take(&mut self.unlinked);
         for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
@@ -183,19 +188,25 @@ impl Wedges {
         }
         let strides = lattice.strides();
         for &(node, sides) in &self.around {
-            for side in (0..6).filter(|side| sides >> side & 1 == 1) {
-                let (axis, upwards) = (side / 2, side % 2 == 1);
-                let from = node as usize - if upwards { 0 } else { strides[axis] };
-                visit(3 * from + axis, [from as u32, (from + strides[axis]) as u32], false);
+            let node = node as usize;
+            for (axis, stride) in strides.into_iter().enumerate() {
+                let sides = sides >> (2 * axis);
+                if sides & 1 != 0 {
+                    visit(3 * (node - stride) + axis, [(node - stride) as u32, node as u32], false);
+                }
+                if sides & 2 != 0 {
+                    visit(3 * node + axis, [node as u32, (node + stride) as u32], false);
+                }
             }
         }
     }
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
     pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
-        let at = |end: usize| self.at.get(ends[end] as usize).filter(|at| !at.is_all_to(owners[end]));
+        let [Some(a), Some(b)] = ends.map(|node| self.at.get(node as usize)) else { return false };
+        let [is_all_a, is_all_b] = [a.is_all_to(owners[0]), b.is_all_to(owners[1])];
         // All that is beside an edge is among the cells around either of its ends.
-        [0, 1].into_iter().filter_map(at).map(|at| at.is_beside).reduce(|a, b| a && b).unwrap_or(false)
+        (a.is_beside || is_all_a) && (b.is_beside || is_all_b) && !(is_all_a && is_all_b)
     }
 
     /// What the ends of an edge make of it, if one is near an edge of a conductor.
