@@ -97,7 +97,10 @@ fn cosine_of_third(cosine: f64) -> f64 {
 fn about_cube_root(x: f64) -> f64 {
     // Two thirds of the exponent's offset, 1023 · 2⁵², less what makes the largest error smallest.
     const OFFSET: u64 = 0x2a9f_7893_0000_0000;
-    f64::from_bits(x.to_bits() / 3 + OFFSET)
+    // A third of the upper half alone, by a product of 32 bits: of several numbers at once.
+    const THIRD: u64 = 0xaaaa_aaab;
+    let third = ((x.to_bits() >> 32) * THIRD) >> 33;
+    f64::from_bits((third << 32) + OFFSET)
 }
 
 /// The cube root from a guess that is within 5 % of it, to about twelve digits by two steps of Halley's method. That of the

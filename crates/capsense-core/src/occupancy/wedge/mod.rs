@@ -150,15 +150,7 @@ impl Wedges {
 
     /// Finds the links that are missing.
     fn link(&mut self) {
-        // No `for_each`: what it calls is not compiled for these instructions.
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for unlinked in &mut self.unlinked {
-                    unlinked.link();
-                }
-            },
-        );
+        pulp::Arch::new().dispatch(Together(&mut self.unlinked));
         let mut unlinked = std::mem::take(&mut self.unlinked);
         for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
             self.settle(node, sides, at);
@@ -203,7 +195,9 @@ impl Wedges {
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
     pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
-        let [Some(a), Some(b)] = ends.map(|node| self.at.get(node as usize)) else { return false };
+        let (Some(a), Some(b)) = (self.at.get(ends[0] as usize), self.at.get(ends[1] as usize)) else {
+            return false;
+        };
         let [is_all_a, is_all_b] = [a.is_all_to(owners[0]), b.is_all_to(owners[1])];
         // All that is beside an edge is among the cells around either of its ends.
         (a.is_beside || is_all_a) && (b.is_beside || is_all_b) && !(is_all_a && is_all_b)
@@ -374,6 +368,21 @@ impl Scene<'_> {
         places.set(1, angle.coordinates(to));
         let [own, other] = places.potentials(angle.radius);
         other / own.max(SMALLEST_PART * other) - 1.0
+    }
+}
+
+/// Nodes whose links are found with the widest instructions of this machine; none of them fuses or reorders operations, so
+/// that links are the same on every machine. A closure in its place is not compiled for them.
+struct Together<'a>(&'a mut [Unlinked]);
+
+impl pulp::NullaryFnOnce for Together<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for unlinked in self.0 {
+            unlinked.link();
+        }
     }
 }
 

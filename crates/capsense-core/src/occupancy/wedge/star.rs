@@ -84,8 +84,12 @@ impl Star<'_> {
 
     /// Which of the node's edges exist: a bit for that to the neighbour below along each axis and that above.
     pub(super) fn sides(&self) -> u8 {
-        let exists = self.planes.iter().flat_map(|plane| plane.ways).map(|way| u8::from(way > 0.0));
-        exists.enumerate().map(|(side, exists)| exists << side).sum()
+        let mut sides = 0;
+        for (axis, plane) in self.planes.iter().enumerate() {
+            let [below, above] = plane.ways;
+            sides |= (u8::from(below > 0.0) | u8::from(above > 0.0) << 1) << (2 * axis);
+        }
+        sides
     }
 
     /// Half of the way to the neighbours along an axis.
@@ -102,17 +106,19 @@ impl Star<'_> {
 
     /// The way to the farthest neighbour.
     pub(super) fn longest(&self) -> f64 {
-        self.planes.iter().flat_map(|plane| plane.ways).fold(0.0, f64::max)
+        self.planes.iter().fold(0.0, |longest: f64, plane| longest.max(plane.ways[0]).max(plane.ways[1]))
     }
 
     /// How far a place less than [`FAR`] cells away may be along each axis.
     pub(super) fn reach(&self) -> DVec3 {
-        DVec3::from_array([0, 1, 2].map(|axis| self.planes[axis].reach))
+        let [x, y, z] = &self.planes;
+        DVec3::new(x.reach, y.reach, z.reach)
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
     pub(super) fn bounds(&self) -> Aabb {
-        let corner = |side: usize| DVec3::from_array([0, 1, 2].map(|axis| self.planes[axis].next[side]));
+        let [x, y, z] = &self.planes;
+        let corner = |side: usize| DVec3::new(x.next[side], y.next[side], z.next[side]);
         Aabb { min: corner(0), max: corner(1) }
     }
 
