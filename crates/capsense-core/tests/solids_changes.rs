@@ -111,6 +111,21 @@ fn a_ball_does_not_feel_turns() {
     assert!(turned.find_changes(&mut memory, &mut regions) && regions.boxes().is_empty());
 }
 
+/// Whether an edge of a bar is beside a node must not be told from so far away that nobody looks again when it moves: cells
+/// are several times as wide as high, and a box around them that is turned like the bar is much higher.
+#[test]
+fn a_tilted_bar_leaves_no_trace() {
+    let sensor = stripes_sensor(30_000);
+    let mut solids = Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) }]).unwrap();
+    let mut updater = Updater::new(&sensor, &[conductor(Connection::Grounded)]);
+    let turn = DQuat::from_rotation_x(0.3) * DQuat::from_rotation_z(0.35);
+    for millimetres in 0..60 {
+        let place = DVec3::new(0.0, 0.0, 0.12 - 1e-3 * f64::from(millimetres));
+        solids.place(&[Pose { rotation: turn, ..Pose::at(place) }]).unwrap();
+        updater.step_checked(&solids);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 

@@ -140,6 +140,7 @@ impl Scene<'_> {
 
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
     /// spans of the edge, `others` working storage.
+    #[inline(never)]
     pub(super) fn at_silhouette(
         &self,
         edge: usize,

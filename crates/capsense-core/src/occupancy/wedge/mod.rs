@@ -226,7 +226,8 @@ impl Scene<'_> {
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
         let is_all = share >= 1.0 && angle.thickness >= star.longest();
-        let is_beside = !is_all && self.is_beside(star);
+        // All of a share means that the edge is less than a cell away.
+        let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
         let at = AtWedge { object: object as u16, share: share as f32, link: 0.0, is_all, is_beside };
         let mut unlinked = Unlinked {
             node: star.node,
