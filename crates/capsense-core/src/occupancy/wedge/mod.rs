@@ -394,8 +394,8 @@ impl Unlinked {
         let potentials = self.places.potentials(self.radius);
         let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
         let mut weights = [0.0; POINTS];
-        for point in 0..POINTS {
-            weights[point] = self.areas[point] / self.distances[point];
+        for (weight, (area, distance)) in weights.iter_mut().zip(self.areas.iter().zip(&self.distances)) {
+            *weight = area / distance;
         }
         for (weight, potential) in weights.into_iter().zip(potentials) {
             sum += weight * potential;
