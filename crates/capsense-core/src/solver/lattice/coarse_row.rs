@@ -284,11 +284,9 @@ impl Eliminated<'_> {
         for (which, weight) in [first, second].into_iter().enumerate() {
             let stride = self.shares[0].strides[axes[which]];
             let (before, after) = (place - stride, place + stride);
-            let across = Across {
-                own: &own[place..place + n],
-                around: [&own[before..before + n], &own[after..after + n]],
-                weights: self.across[which],
-            };
+            let at = |place: usize| [&own[place..place + n], &other[place..place + n]];
+            let across =
+                Across { own: at(place), around: [at(before), at(after)], weights: self.across[which] };
             divide_weights(simd, across, weight, leak);
         }
     }

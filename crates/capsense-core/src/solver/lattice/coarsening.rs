@@ -18,9 +18,10 @@ const LANES: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// What is across the axis of a stage at eliminated nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Across<'a> {
-    /// The shares that they and those before and after them have in the coarse nodes.
-    pub(super) own: &'a [f32],
-    pub(super) around: [&'a [f32]; 2],
+    /// The shares that they have in the coarse nodes, and in those on their other side.
+    pub(super) own: [&'a [f32]; 2],
+    /// The same of those before and of those after them.
+    pub(super) around: [[&'a [f32]; 2]; 2],
     /// The weights from those before and to those after.
     pub(super) weights: [&'a [f32]; 2],
 }
@@ -100,23 +101,32 @@ pub(super) fn add_lost<S: Simd>(
     }
 }
 
-/// Takes the part of coarse nodes in the weights across the axis of their eliminated neighbours. What two eliminated
-/// neighbours do not both take from a coarse node couples to neither.
+/// Takes the part of coarse nodes in the weights across the axis of their eliminated neighbours. Where of two of these one
+/// takes more from this side and the other more from the other, that couples coarse nodes which are no neighbours: it is
+/// divided between the two sides. What is left takes nothing from any node, and leaks.
 #[inline(always)]
 pub(super) fn divide_weights<S: Simd>(simd: S, across: Across<'_>, weight: &mut [f32], leak: &mut [f32]) {
     let (weight, leak) = (S::as_mut_simd_f32s(weight).0, S::as_mut_simd_f32s(leak).0);
     let n = weight.len();
-    let (leak, own) = (&mut leak[..n], &single::<S>(across.own)[..n]);
-    let [share_before, share_after] = across.around;
-    let (share_before, share_after) = (&single::<S>(share_before)[..n], &single::<S>(share_after)[..n]);
+    let [own, other] = across.own.map(|shares| &single::<S>(shares)[..n]);
+    let [[own_before, other_before], [own_after, other_after]] =
+        across.around.map(|both| both.map(|shares| &single::<S>(shares)[..n]));
+    let leak = &mut leak[..n];
     let [before, after] = across.weights;
     let (before, after) = (&single::<S>(before)[..n], &single::<S>(after)[..n]);
+    let (zero, half) = (simd.splat_f32s(0.0), simd.splat_f32s(0.5));
+    let excess = |a, b| simd.max_f32s(simd.sub_f32s(a, b), zero);
     for i in 0..n {
-        let with_after = simd.min_f32s(own[i], share_after[i]);
-        let with_before = simd.min_f32s(own[i], share_before[i]);
-        weight[i] = simd.add_f32s(weight[i], simd.mul_f32s(after[i], with_after));
-        let not_after = simd.mul_f32s(after[i], simd.sub_f32s(own[i], with_after));
-        let not_before = simd.mul_f32s(before[i], simd.sub_f32s(own[i], with_before));
+        let (more, less) = (excess(own[i], own_after[i]), excess(own_after[i], own[i]));
+        let crossing = simd.min_f32s(more, excess(other_after[i], other[i]));
+        let crossing_back = simd.min_f32s(less, excess(other[i], other_after[i]));
+        let shared = simd.sub_f32s(own[i], more);
+        let crossed = simd.mul_f32s(half, simd.add_f32s(crossing, crossing_back));
+        weight[i] = simd.add_f32s(weight[i], simd.mul_f32s(after[i], simd.add_f32s(shared, crossed)));
+        let not_after = simd.mul_f32s(after[i], simd.sub_f32s(more, crossing));
+        let more = excess(own[i], own_before[i]);
+        let crossing = simd.min_f32s(more, excess(other_before[i], other[i]));
+        let not_before = simd.mul_f32s(before[i], simd.sub_f32s(more, crossing));
         leak[i] = simd.add_f32s(leak[i], simd.add_f32s(not_after, not_before));
     }
 }
