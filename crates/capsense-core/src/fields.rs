@@ -183,6 +183,9 @@ impl Fields {
     /// An object without nodes and links has no field. Left to the iteration, its column would fade without end, as its
     /// error is measured against its own energy.
     pub(crate) fn forget_absent_objects(&mut self, occupancy: &Occupancy, electrodes: usize) {
+        if self.terminals.len() == electrodes {
+            return;
+        }
         self.linked.fill(false);
         for &edge in occupancy.linked_edges() {
             for (_, object, _) in occupancy.couplings()[edge as usize].links() {

@@ -296,9 +296,8 @@ fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
             let steps = (0..60).map(|frame| bar(0.03, 0.003 * f64::from(frame) - 0.1));
             steps.map(|solid| simulator.step(&seen(&[solid])).unwrap().solve.iterations).sum::<usize>()
         });
-        // Twice as many is the aim. On lattices of 11 to 37 thousand tetrahedra it was 1.71 to 2.33 times, 2.32 on this
-        // one; since rims know of graded cells it is 2.51 on this one.
-        assert!(100 * iterations[1] <= 264 * iterations[0], "{iterations:?}");
+        // Twice as many is the aim. It was 2.51 times on this lattice while coarse networks tied the bar to ground.
+        assert!(100 * iterations[1] <= 220 * iterations[0], "{iterations:?}");
     }
 }
 

@@ -28,8 +28,10 @@ pub(super) struct Islands {
     /// Edges that hold islands together, and whether each edge of the mesh is one.
     strong: Vec<u32>,
     is_strong: Vec<bool>,
-    /// The nodes joined so far, and for each node of the mesh one that it is joined to: itself outside of islands.
+    /// The nodes joined so far, each once, whether each node of the mesh is one of them, and one that it is joined to: itself
+    /// outside of islands.
     members: Vec<u32>,
+    is_member: Vec<bool>,
     parent: Vec<u32>,
     /// How far to go along the direction of each island, and dᵀr in one column after the other.
     along: Vec<f64>,
@@ -66,6 +68,7 @@ impl Islands {
     ) {
         self.find_strong_edges(matrix, occupancy, fixed, changed);
         self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
+        self.is_member.resize(matrix.nodes(), false);
         self.islands.clear();
         let mut contrast = CONTRAST;
         while contrast < STRONGEST && self.join(matrix, occupancy, contrast) {
@@ -78,18 +81,22 @@ impl Islands {
     fn join(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, contrast: f64) -> bool {
         for node in self.members.drain(..) {
             self.parent[node as usize] = node;
+            self.is_member[node as usize] = false;
         }
         for &edge in &self.strong {
             if occupancy.contrast(edge as usize) < contrast {
                 continue;
             }
             let [a, b] = matrix.network().edges().ends_of_existing(edge as usize);
-            self.members.extend([a, b]);
+            for node in [a, b] {
+                if !std::mem::replace(&mut self.is_member[node as usize], true) {
+                    self.members.push(node);
+                }
+            }
             let (a, b) = (root(&mut self.parent, a), root(&mut self.parent, b));
             self.parent[a.max(b) as usize] = a.min(b);
         }
         self.members.sort_unstable();
-        self.members.dedup();
         !self.members.is_empty()
     }
 

@@ -3,7 +3,7 @@
 //! Across y and z a fine row is a coarse one, or is eliminated as a whole. Across x, what rows are made of is picked from
 //! the fine row first: the coarse nodes, and what is behind them. Where that is no eliminated node, it has no shares.
 
-use super::coarsening::{Across, add_lost, divide_value, divide_weights, put_in_series, take_over};
+use super::coarsening::{Across, add_lost, divide_value, divide_weights, put_in_series};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
 use super::rows::copy;
@@ -13,18 +13,20 @@ use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
 /// A row of coarse nodes in the making, the first behind one block.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct CoarseRow {
     /// One where a row has an eliminated node behind the coarse one, else zero.
     exists: Vec<f32>,
     /// Weights to the next nodes along each axis.
-    next: [Vec<f32>; 3],
-    leak: Vec<f32>,
+    pub(super) next: [Vec<f32>; 3],
+    pub(super) leak: Vec<f32>,
+    /// What eliminated nodes couple besides, of those after the coarse nodes and of those before.
+    besides: [Vec<f32>; 2],
     behind: Behind,
 }
 
 /// Across x: the nodes behind the coarse ones.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Behind {
     /// Weights to the next nodes along each axis.
     next: [Vec<f32>; 3],
@@ -45,40 +47,32 @@ struct Eliminated<'a> {
     place: usize,
 }
 
-/// The refreshing of all rows that were reached, compiled once for each set of instructions that a processor may have.
-pub(super) struct Refresh<'a> {
+/// The shares of all eliminated nodes that changed, and what that reaches. Compiled once for each set of instructions that
+/// a processor may have.
+pub(super) struct Share<'a> {
     pub(super) stage: &'a mut Stage,
+    pub(super) row: &'a mut CoarseRow,
     pub(super) fine: &'a Network,
     pub(super) changed: &'a Changed,
 }
 
-impl WithSimd for Refresh<'_> {
+impl WithSimd for Share<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { stage, fine, changed } = self;
+        let Self { stage, row: room, fine, changed } = self;
         for row in 0..changed.rows() {
             let (nodes, j, k) = changed.row(row);
             stage.reach_beside(nodes.clone(), j, k);
             let are_others = if stage.axis == 0 {
-                stage.share_among_picked(simd, fine, &nodes, j, k)
+                stage.share_among_picked(simd, room, fine, &nodes, j, k)
             } else {
-                stage.share_among_rows(simd, fine, &nodes, j, k)
+                stage.share_among_rows(simd, room, fine, &nodes, j, k)
             };
             if are_others {
                 stage.reach_across(nodes, j, k);
             }
-        }
-        for row in 0..stage.reached.rows() {
-            let (nodes, j, k) = stage.reached.row(row);
-            let nodes = whole_blocks(&nodes);
-            if stage.axis == 0 {
-                stage.collect_picked(simd, fine, &nodes, j, k);
-            } else {
-                stage.collect_rows(simd, fine, &nodes, j, k);
-            }
-            stage.take_over(simd, &nodes, j, k);
         }
     }
 }
@@ -97,13 +91,15 @@ impl CoarseRow {
         }
         let next = [zeros(), zeros(), zeros()];
         let behind = Behind { next: next.clone(), leak: zeros(), previous: [zeros(), zeros()] };
-        Self { exists, next, leak: zeros(), behind }
+        Self { exists, next, leak: zeros(), besides: [zeros(), zeros()], behind }
     }
 
     /// Zeros for all but where nodes are.
     pub(super) fn clear(&mut self) {
-        let Self { next, leak, behind: Behind { next: beyond, leak: leak_behind, previous }, .. } = self;
-        let weights = next.iter_mut().chain(beyond).chain(previous);
+        let Self {
+            next, leak, besides, behind: Behind { next: beyond, leak: leak_behind, previous }, ..
+        } = self;
+        let weights = next.iter_mut().chain(besides).chain(beyond).chain(previous);
         weights.chain([leak, leak_behind]).for_each(|numbers| numbers.fill(0.0));
     }
 }
@@ -114,6 +110,7 @@ impl Stage {
     fn share_among_rows<S: Simd>(
         &mut self,
         simd: S,
+        room: &CoarseRow,
         fine: &Network,
         nodes: &Range<usize>,
         j: usize,
@@ -127,7 +124,7 @@ impl Stage {
         let before = place - fine.strides[self.axis];
         let weights = [&along[before..before + n], &along[place..place + n], &fine.leak[place..place + n]];
         let shares = [&mut self.previous.values[place..place + n], &mut self.next.values[place..place + n]];
-        let are_others = divide_value(simd, &self.row.exists[..n], weights, shares);
+        let are_others = divide_value(simd, &room.exists[..n], weights, shares);
         if are_others {
             self.previous.arrange(&nodes, j, k);
             self.next.arrange(&nodes, j, k);
@@ -140,6 +137,7 @@ impl Stage {
     fn share_among_picked<S: Simd>(
         &mut self,
         simd: S,
+        room: &mut CoarseRow,
         fine: &Network,
         nodes: &Range<usize>,
         j: usize,
@@ -147,7 +145,7 @@ impl Stage {
     ) -> bool {
         let nodes = whole_blocks(&self.reach(nodes.clone()));
         let (own, planes, n) = (fine.index([0, j, k]), &self.fine_plane, nodes.len());
-        let CoarseRow { exists, next: [before, ..], behind, .. } = &mut self.row;
+        let CoarseRow { exists, next: [before, ..], behind, .. } = room;
         pick_pairs(before, &mut behind.next[0], &fine.next[0][own..], planes, &nodes);
         pick(&mut behind.leak, &fine.leak[own + 1..], planes, &nodes);
         let here = BLOCK + nodes.start..BLOCK + nodes.end;
@@ -159,15 +157,25 @@ impl Stage {
 
     /// Row (j, k) as the fine rows at it make it.
     #[inline(always)]
-    fn collect_rows<S: Simd>(&mut self, simd: S, fine: &Network, nodes: &Range<usize>, j: usize, k: usize) {
+    pub(super) fn collect_rows<S: Simd>(
+        &self,
+        simd: S,
+        room: &mut CoarseRow,
+        fine: &Network,
+        nodes: &Range<usize>,
+        j: usize,
+        k: usize,
+    ) {
         let at = self.fine_node([nodes.start, j, k]);
         let plane = at[self.axis];
         let (has_next, has_previous) =
             (self.is_eliminated(plane + 1), self.is_eliminated(plane.wrapping_sub(1)));
         let (own, n, stride) = (fine.index(at), nodes.len(), fine.strides[self.axis]);
         let here = BLOCK + nodes.start..BLOCK + nodes.end;
-        let CoarseRow { exists, next, leak, .. } = &mut self.row;
+        let CoarseRow { exists, next, leak, besides, .. } = room;
         let (exists, leak) = (&exists[here.clone()], &mut leak[here.clone()]);
+        let [after, before] = besides.each_mut().map(|besides| &mut besides[here.clone()]);
+        after.fill(0.0);
         let [x, y, z] = next;
         copy::<S>(&mut x[here.clone()], &fine.next[0][own..own + n]);
         copy::<S>(&mut y[here.clone()], &fine.next[1][own..own + n]);
@@ -190,8 +198,8 @@ impl Stage {
                 shares: [&self.previous, &self.next],
                 place,
             };
-            eliminated.add(simd, others, [&mut *to_first, &mut *to_second], leak);
-            put_in_series(simd, exists, &self.next.values[place..place + n], &mut series[here]);
+            eliminated.add(simd, others, [&mut *to_first, &mut *to_second], leak, after);
+            put_in_series(simd, exists, &self.next.values[place..place + n], after, &mut series[here]);
         }
         if has_previous {
             let place = own - stride;
@@ -202,15 +210,23 @@ impl Stage {
                 shares: [&self.next, &self.previous],
                 place,
             };
-            eliminated.add(simd, others, [to_first, to_second], leak);
+            eliminated.add(simd, others, [to_first, to_second], leak, before);
         }
     }
 
     /// Row (j, k), of which the nodes behind the coarse ones have been eliminated.
     #[inline(always)]
-    fn collect_picked<S: Simd>(&mut self, simd: S, fine: &Network, nodes: &Range<usize>, j: usize, k: usize) {
+    pub(super) fn collect_picked<S: Simd>(
+        &self,
+        simd: S,
+        room: &mut CoarseRow,
+        fine: &Network,
+        nodes: &Range<usize>,
+        j: usize,
+        k: usize,
+    ) {
         let (own, n, planes) = (fine.index([0, j, k]), nodes.len(), &self.fine_plane);
-        let CoarseRow { exists, next, leak, behind } = &mut self.row;
+        let CoarseRow { exists, next, leak, besides, behind } = room;
         // The node behind the one before the first counts too.
         let wider = nodes.start.saturating_sub(1)..nodes.end;
         for ((to, behind), from) in next.iter_mut().zip(&mut behind.next).zip(&fine.next) {
@@ -226,6 +242,8 @@ impl Stage {
         let before = here.start - 1..here.end - 1;
         let [series, y, z] = next;
         let (leak, y, z) = (&mut leak[here.clone()], &mut y[here.clone()], &mut z[here.clone()]);
+        let [more, other] = besides.each_mut().map(|besides| &mut besides[here.clone()]);
+        more.fill(0.0);
         let after = Eliminated {
             exists: &exists[here.clone()],
             along: &series[here.clone()],
@@ -233,8 +251,9 @@ impl Stage {
             shares: [&self.previous, &self.next],
             place,
         };
-        after.add(simd, [1, 2], [&mut *y, &mut *z], leak);
-        put_in_series(simd, &exists[here.clone()], &self.next.values[place..place + n], &mut series[here]);
+        after.add(simd, [1, 2], [&mut *y, &mut *z], leak, more);
+        let shares = &self.next.values[place..place + n];
+        put_in_series(simd, &exists[here.clone()], shares, more, &mut series[here]);
         let before = Eliminated {
             exists: &exists[before.clone()],
             along: &behind.next[0][before.clone()],
@@ -242,25 +261,7 @@ impl Stage {
             shares: [&self.next, &self.previous],
             place: place - 1,
         };
-        before.add(simd, [1, 2], [y, z], leak);
-    }
-
-    /// Takes over row (j, k) where it is not nearly as it was, and notes that.
-    #[inline(always)]
-    fn take_over<S: Simd>(&mut self, simd: S, nodes: &Range<usize>, j: usize, k: usize) {
-        let (place, n) = (self.coarse.index([nodes.start, j, k]), nodes.len());
-        let here = BLOCK + nodes.start..BLOCK + nodes.end;
-        let [x, y, z] = &mut self.coarse.next;
-        let leak = &mut self.coarse.leak[place..place + n];
-        let stored = [&mut x[place..place + n], &mut y[place..place + n], &mut z[place..place + n], leak];
-        let CoarseRow { next: [x, y, z], leak, .. } = &self.row;
-        let new = [&x[here.clone()], &y[here.clone()], &z[here.clone()], &leak[here]];
-        let taken = take_over(simd, nodes.start, stored, new);
-        // A weight is as much the next node's.
-        let [along_x, along_y, along_z] = taken.next;
-        self.changed.add(taken.any.start..taken.any.end.max(along_x.end + 1), j, k);
-        self.changed.add(along_y, j + 1, k);
-        self.changed.add(along_z, j, k + 1);
+        before.add(simd, [1, 2], [y, z], leak, other);
     }
 }
 
@@ -274,9 +275,17 @@ impl Behind {
 }
 
 impl Eliminated<'_> {
-    /// Adds to the weights of the coarse nodes along the other axes, and to their leaks.
+    /// Adds to the weights of the coarse nodes along the other axes, to their leaks, and to what couples those on both sides
+    /// besides.
     #[inline(always)]
-    fn add<S: Simd>(&self, simd: S, axes: [usize; 2], weights: [&mut [f32]; 2], leak: &mut [f32]) {
+    fn add<S: Simd>(
+        &self,
+        simd: S,
+        axes: [usize; 2],
+        weights: [&mut [f32]; 2],
+        leak: &mut [f32],
+        along: &mut [f32],
+    ) {
         let (n, place) = (leak.len(), self.place);
         let [own, other] = [&self.shares[0].values, &self.shares[1].values];
         add_lost(simd, self.exists, self.along, [&own[place..place + n], &other[place..place + n]], leak);
@@ -284,12 +293,10 @@ impl Eliminated<'_> {
         for (which, weight) in [first, second].into_iter().enumerate() {
             let stride = self.shares[0].strides[axes[which]];
             let (before, after) = (place - stride, place + stride);
-            let across = Across {
-                own: &own[place..place + n],
-                around: [&own[before..before + n], &own[after..after + n]],
-                weights: self.across[which],
-            };
-            divide_weights(simd, across, weight, leak);
+            let at = |place: usize| [&own[place..place + n], &other[place..place + n]];
+            let across =
+                Across { own: at(place), around: [at(before), at(after)], weights: self.across[which] };
+            divide_weights(simd, across, weight, leak, along);
         }
     }
 }

@@ -18,9 +18,10 @@ const LANES: [f32; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// What is across the axis of a stage at eliminated nodes.
 #[derive(Clone, Copy)]
 pub(super) struct Across<'a> {
-    /// The shares that they and those before and after them have in the coarse nodes.
-    pub(super) own: &'a [f32],
-    pub(super) around: [&'a [f32]; 2],
+    /// The shares that they have in the coarse nodes, and in those on their other side.
+    pub(super) own: [&'a [f32]; 2],
+    /// The same of those before and of those after them.
+    pub(super) around: [[&'a [f32]; 2]; 2],
     /// The weights from those before and to those after.
     pub(super) weights: [&'a [f32]; 2],
 }
@@ -32,6 +33,7 @@ struct Extent<S: Simd> {
 }
 
 /// Where numbers of a row changed.
+#[derive(Clone, Debug)]
 pub(super) struct Taken {
     pub(super) any: Range<usize>,
     /// The weight to the next node along each axis.
@@ -67,15 +69,22 @@ pub(super) fn divide_value<S: Simd>(
     simd.reduce_max_f32s(difference) > 0.0
 }
 
-/// Puts the edges of an eliminated node in series: the weight to it becomes that to the coarse node behind it.
+/// Puts the edges of an eliminated node in series: the weight to it becomes that to the coarse node behind it, to which is
+/// added what else couples the two.
 #[inline(always)]
-pub(super) fn put_in_series<S: Simd>(simd: S, exists: &[f32], next: &[f32], weight: &mut [f32]) {
+pub(super) fn put_in_series<S: Simd>(
+    simd: S,
+    exists: &[f32],
+    next: &[f32],
+    more: &[f32],
+    weight: &mut [f32],
+) {
     let weight = S::as_mut_simd_f32s(weight).0;
-    let (exists, next) = (single::<S>(exists), single::<S>(next));
+    let (exists, next, more) = (single::<S>(exists), single::<S>(next), single::<S>(more));
     let one = simd.splat_f32s(1.0);
-    for ((weight, next), exists) in weight.iter_mut().zip(next).zip(exists) {
+    for (((weight, next), exists), more) in weight.iter_mut().zip(next).zip(exists).zip(more) {
         let part = simd.add_f32s(*next, simd.sub_f32s(one, *exists));
-        *weight = simd.mul_f32s(*weight, part);
+        *weight = simd.add_f32s(simd.mul_f32s(*weight, part), *more);
     }
 }
 
@@ -100,24 +109,69 @@ pub(super) fn add_lost<S: Simd>(
     }
 }
 
-/// Takes the part of coarse nodes in the weights across the axis of their eliminated neighbours. What two eliminated
-/// neighbours do not both take from a coarse node couples to neither.
+/// Takes the part of coarse nodes in the weights across the axis of their eliminated neighbours.
+///
+/// Where of two of these one takes more from this side and the other more from the other, that couples coarse nodes which
+/// are no neighbours. It is divided between the two ways from one to the other along axes, of which `along` gets what is
+/// along this one: a body of high permittivity neither is tied to ground by its surface nor falls apart there. What is
+/// left has no potential at its other end, and leaks.
 #[inline(always)]
-pub(super) fn divide_weights<S: Simd>(simd: S, across: Across<'_>, weight: &mut [f32], leak: &mut [f32]) {
+pub(super) fn divide_weights<S: Simd>(
+    simd: S,
+    across: Across<'_>,
+    weight: &mut [f32],
+    leak: &mut [f32],
+    along: &mut [f32],
+) {
     let (weight, leak) = (S::as_mut_simd_f32s(weight).0, S::as_mut_simd_f32s(leak).0);
+    let along = S::as_mut_simd_f32s(along).0;
     let n = weight.len();
-    let (leak, own) = (&mut leak[..n], &single::<S>(across.own)[..n]);
-    let [share_before, share_after] = across.around;
-    let (share_before, share_after) = (&single::<S>(share_before)[..n], &single::<S>(share_after)[..n]);
-    let [before, after] = across.weights;
-    let (before, after) = (&single::<S>(before)[..n], &single::<S>(after)[..n]);
+    let [own, other] = across.own.map(|shares| &single::<S>(shares)[..n]);
+    let [[own_before, other_before], [own_after, other_after]] =
+        across.around.map(|both| both.map(|shares| &single::<S>(shares)[..n]));
+    let [before, after] = across.weights.map(|weights| &single::<S>(weights)[..n]);
+    let (leak, along, half) = (&mut leak[..n], &mut along[..n], simd.splat_f32s(0.5));
     for i in 0..n {
-        let with_after = simd.min_f32s(own[i], share_after[i]);
-        let with_before = simd.min_f32s(own[i], share_before[i]);
-        weight[i] = simd.add_f32s(weight[i], simd.mul_f32s(after[i], with_after));
-        let not_after = simd.mul_f32s(after[i], simd.sub_f32s(own[i], with_after));
-        let not_before = simd.mul_f32s(before[i], simd.sub_f32s(own[i], with_before));
-        leak[i] = simd.add_f32s(leak[i], simd.add_f32s(not_after, not_before));
+        let shares = [own[i], other[i]];
+        let with_after = Divided::between(simd, shares, [own_after[i], other_after[i]]);
+        let with_before = Divided::between(simd, shares, [own_before[i], other_before[i]]);
+        let crossing_after = simd.mul_f32s(half, simd.mul_f32s(after[i], with_after.crossing));
+        let crossing_before = simd.mul_f32s(half, simd.mul_f32s(before[i], with_before.crossing));
+        let shared = simd.mul_f32s(after[i], with_after.shared);
+        weight[i] = simd.add_f32s(weight[i], simd.add_f32s(shared, crossing_after));
+        along[i] = simd.add_f32s(along[i], simd.add_f32s(crossing_after, crossing_before));
+        let to_after = simd.mul_f32s(after[i], with_after.lost);
+        let to_before = simd.mul_f32s(before[i], with_before.lost);
+        leak[i] = simd.add_f32s(leak[i], simd.add_f32s(to_after, to_before));
+    }
+}
+
+/// What becomes of a weight between two eliminated nodes, on one side.
+struct Divided<S: Simd> {
+    /// The part that both take from this side.
+    shared: S::f32s,
+    /// What one takes from this side and the other from the other.
+    crossing: S::f32s,
+    /// What the first node loses.
+    lost: S::f32s,
+}
+
+impl<S: Simd> Divided<S> {
+    /// For the shares of two eliminated nodes in the coarse nodes on this side, and in those on the other.
+    #[inline(always)]
+    fn between(simd: S, [own, other]: [S::f32s; 2], [own_beside, other_beside]: [S::f32s; 2]) -> Self {
+        let zero = simd.splat_f32s(0.0);
+        let excess = |a: S::f32s, b: S::f32s| simd.max_f32s(simd.sub_f32s(a, b), zero);
+        let (more, less) = (excess(own, own_beside), excess(own_beside, own));
+        let crossing = simd.min_f32s(more, excess(other_beside, other));
+        let back = simd.min_f32s(less, excess(other, other_beside));
+        let lost = simd.sub_f32s(more, crossing);
+        let is_lost = simd.greater_than_f32s(lost, simd.splat_f32s(ROUNDING));
+        Self {
+            shared: simd.sub_f32s(own, more),
+            crossing: simd.add_f32s(crossing, back),
+            lost: simd.select_f32s(is_lost, lost, zero),
+        }
     }
 }
 

@@ -189,10 +189,10 @@ pub(super) struct Coarser<'a> {
 
 impl Coarser<'_> {
     /// Recomputes them where the finest level changed.
-    pub(super) fn refresh(self, arch: Arch) {
+    pub(super) fn refresh(self, workers: &Workers, arch: Arch) {
         let (mut fine, mut changed) = (self.finest, self.changed);
         for (transfer, level) in self.transfers.iter_mut().zip(self.levels) {
-            transfer.refresh(arch, fine, changed);
+            transfer.refresh(workers, arch, fine, changed);
             if let Some((coarse, coarse_changed)) = transfer.coarse() {
                 (fine, changed) = (coarse, coarse_changed);
                 level.refresh(arch, fine, changed);

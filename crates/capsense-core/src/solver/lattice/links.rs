@@ -1,6 +1,6 @@
 //! Links between nodes and objects.
 
-use super::layout::Layout;
+use super::layout::{BLACK, Layout, RED};
 use crate::stiffness::StiffnessMatrix;
 use std::ops::Range;
 
@@ -9,6 +9,8 @@ use std::ops::Range;
 pub(super) struct ObjectLinks {
     /// In the order of colours and places.
     links: Vec<ObjectLink>,
+    /// For each colour the places from the first to behind the last: most nodes are far from them.
+    extents: [Range<usize>; 2],
     /// Potentials of objects: object by object, all columns.
     pub(super) potentials: Vec<f64>,
 }
@@ -44,6 +46,10 @@ impl ObjectLinks {
             }
         }
         self.links.sort_by_key(|link| (link.colour, link.at));
+        self.extents = [RED, BLACK].map(|colour| {
+            let of_colour = || self.links.iter().filter(|link| link.colour == colour).map(|link| link.at);
+            of_colour().min().zip(of_colour().max()).map_or(0..0, |(first, last)| first..last + 1)
+        });
     }
 
     pub(super) fn all(&self) -> &[ObjectLink] {
@@ -52,7 +58,8 @@ impl ObjectLinks {
 
     /// Those of nodes of one colour at some places.
     pub(super) fn between(&self, colour: usize, places: &Range<usize>) -> &[ObjectLink] {
-        if self.links.is_empty() {
+        let extent = &self.extents[colour];
+        if places.start >= extent.end || places.end <= extent.start {
             return &[];
         }
         let start = self.links.partition_point(|link| (link.colour, link.at) < (colour, places.start));

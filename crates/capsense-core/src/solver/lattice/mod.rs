@@ -5,6 +5,7 @@ mod between;
 mod charges;
 mod coarse_row;
 mod coarsening;
+mod collection;
 mod descent;
 mod held;
 mod hierarchy;
@@ -229,11 +230,11 @@ impl LatticeSolver {
         self.find_held(fixed, changed);
         self.links.collect(&of_nodes, &layout, matrix);
         self.hierarchy.refresh_finest(self.arch, matrix, fixed, changed);
-        let Self { arch, potentials, links, of_free, state, node, .. } = self;
+        let Self { arch, potentials, links, of_free, state, node, workers, .. } = self;
         let (finest, coarser) = self.hierarchy.split();
         let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
         let residuals = || changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
-        self.workers.both(residuals, || coarser.refresh(*arch));
+        workers.both(residuals, || coarser.refresh(workers, *arch));
         self.add_held();
     }
 }

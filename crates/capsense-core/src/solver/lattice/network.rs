@@ -8,7 +8,7 @@ use std::ops::Range;
 /// A 7-point network in single precision. Rows are padded to whole blocks, and all arrays by one plane at either end;
 /// padding is zero. Edges that would lead out of the lattice have the weight zero, so nodes need not know whether they
 /// are at its end.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Network {
     /// Number of nodes along each axis.
     pub(super) counts: [usize; 3],
@@ -36,8 +36,8 @@ impl Network {
 
     /// Place of a node.
     #[inline(always)]
-    pub(super) fn index(&self, [i, j, k]: [usize; 3]) -> usize {
-        i + j * self.strides[1] + (k + 1) * self.strides[2]
+    pub(super) fn index(&self, node: [usize; 3]) -> usize {
+        place(self.strides, node)
     }
 
     /// Inverses of the diagonal for successive nodes, whole blocks; zero where the potential is fixed.
@@ -64,7 +64,7 @@ impl Network {
 }
 
 /// Nodes of a network that changed, as one interval in each row.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Changed {
     counts: [usize; 3],
     intervals: Vec<Range<u32>>,
@@ -108,6 +108,11 @@ impl Changed {
         }
     }
 
+    /// Puts the rows in the order in which they are in memory.
+    pub(super) fn sort(&mut self) {
+        self.rows.sort_unstable_by_key(|&[j, k]| (k, j));
+    }
+
     /// In how many rows nodes changed. They are not visited by a closure, which would be a call in vectorised code.
     #[inline(always)]
     pub(super) fn rows(&self) -> usize {
@@ -122,6 +127,12 @@ impl Changed {
         let Range { start, end } = self.intervals[k * self.counts[1] + j];
         (start as usize..end as usize, j, k)
     }
+}
+
+/// Place of a node in a network with such distances between neighbours.
+#[inline(always)]
+pub(super) fn place(strides: [usize; 3], [i, j, k]: [usize; 3]) -> usize {
+    i + j * strides[1] + (k + 1) * strides[2]
 }
 
 /// Some nodes of a row and those around them up to whole blocks.

@@ -5,13 +5,15 @@
 //! among the neighbours that they are interpolated from. A node at a fixed potential interpolates to zero and its edges
 //! become leaks, so that no conductor is lost on a coarse level, however thin.
 //!
-//! Here is which planes are eliminated and what a change reaches; how rows are computed is in `coarse_row`, and their
-//! arithmetic in `coarsening`.
+//! Here is which planes are eliminated and what a change reaches; how rows are computed is in `coarse_row`, their
+//! arithmetic in `coarsening`, and how threads share them in `collection`.
 
-use super::coarse_row::{CoarseRow, Refresh};
+use super::coarse_row::{CoarseRow, Share};
+use super::collection::{Made, Room};
 use super::layout::Layout;
-use super::network::{Changed, Network};
+use super::network::{Changed, Network, place};
 use super::shares::Shares;
+use crate::solver::workers::Workers;
 use pulp::Arch;
 use std::ops::Range;
 
@@ -27,24 +29,25 @@ pub(super) struct Stage {
     /// What the eliminated nodes take from the previous and from the next node.
     pub(super) previous: Shares,
     pub(super) next: Shares,
-    /// What the fine network becomes.
-    pub(super) coarse: Network,
-    /// Where the coarse network may have changed last, and where it did.
+    /// Where the coarse network may have changed last.
     pub(super) reached: Changed,
-    pub(super) changed: Changed,
-    /// A coarse row in the making.
-    pub(super) row: CoarseRow,
+    /// The distances between neighbours in the coarse network.
+    strides: [usize; 3],
+    /// What the fine network becomes.
+    made: Made,
 }
 
 impl Stage {
     /// Keeps the planes across `axis` for which `kept` holds; the first and last plane and one of any two neighbours
     /// must be kept. `layout` is that of the level that the stage starts from.
-    pub(super) fn new(fine: [usize; 3], axis: usize, kept: &[bool], layout: &Layout) -> Self {
+    pub(super) fn new(fine: [usize; 3], axis: usize, kept: &[bool], layout: &Layout, threads: usize) -> Self {
         let fine_plane: Vec<usize> = (0..kept.len()).filter(|&plane| kept[plane]).collect();
         let kept_before =
             (0..=kept.len()).map(|plane| fine_plane.partition_point(|&kept| kept < plane)).collect();
         let mut counts = fine;
         counts[axis] = fine_plane.len();
+        let coarse = Network::new(counts);
+        let room = Room::new(CoarseRow::new(fine[0], axis, kept));
         Self {
             axis,
             kept_before,
@@ -52,10 +55,9 @@ impl Stage {
             fine_plane,
             previous: Shares::zeros(fine, counts, axis, layout),
             next: Shares::zeros(fine, counts, axis, layout),
-            coarse: Network::new(counts),
             reached: Changed::nothing(counts),
-            changed: Changed::nothing(counts),
-            row: CoarseRow::new(fine[0], axis, kept),
+            strides: coarse.strides,
+            made: Made { coarse, changed: Changed::nothing(counts), rooms: vec![room; threads] },
         }
     }
 
@@ -63,15 +65,33 @@ impl Stage {
     pub(super) fn clear(&mut self) {
         self.previous.clear();
         self.next.clear();
-        self.coarse.clear();
-        self.row.clear();
+        self.made.coarse.clear();
+        self.made.rooms.iter_mut().for_each(|room| room.row.clear());
     }
 
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
-    pub(super) fn refresh(&mut self, arch: Arch, fine: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, workers: &Workers, arch: Arch, fine: &Network, changed: &Changed) {
         self.reached.clear();
-        self.changed.clear();
-        arch.dispatch(Refresh { stage: self, fine, changed });
+        let mut made = std::mem::take(&mut self.made);
+        if let Some(Room { row, .. }) = made.rooms.first_mut() {
+            arch.dispatch(Share { stage: self, row, fine, changed });
+        }
+        if made.rooms.len() > 1 {
+            self.reached.sort();
+        }
+        made.collect(workers, arch, self, fine);
+        self.made = made;
+    }
+
+    /// What the fine network becomes, and where that changed last.
+    pub(super) fn coarse(&self) -> (&Network, &Changed) {
+        (&self.made.coarse, &self.made.changed)
+    }
+
+    /// Place of a node in the coarse network.
+    #[inline(always)]
+    pub(super) fn place_in_coarse(&self, node: [usize; 3]) -> usize {
+        place(self.strides, node)
     }
 
     /// What changes at a node that is kept reaches the coarse node at it, and nothing else: where a weight to an eliminated
@@ -174,7 +194,7 @@ mod tests {
     fn refresh(stage: &mut Stage, fine: &Network, nodes: &[[usize; 3]]) {
         let mut changed = Changed::nothing(COUNTS);
         nodes.iter().for_each(|&[i, j, k]| changed.add(i..i + 1, j, k));
-        stage.refresh(Arch::new(), fine, &changed);
+        stage.refresh(&Workers::default(), Arch::new(), fine, &changed);
     }
 
     fn is_near(a: f32, b: f32) -> bool {
@@ -192,21 +212,71 @@ mod tests {
             for &node in &all {
                 (0..4).for_each(|what| drop(change(&mut fine, node, what, 1 + noise(9))));
             }
-            let mut moving = Stage::new(COUNTS, axis, &kept, &layout);
+            let mut moving = Stage::new(COUNTS, axis, &kept, &layout, 1);
             refresh(&mut moving, &fine, &all);
             for _ in 0..200 {
                 let changed = change(&mut fine, all[noise(all.len())], noise(4), noise(10));
                 refresh(&mut moving, &fine, &changed);
-                let mut fresh = Stage::new(COUNTS, axis, &kept, &layout);
+                let mut fresh = Stage::new(COUNTS, axis, &kept, &layout, 1);
                 refresh(&mut fresh, &fine, &all);
                 assert_eq!(moving.previous.values, fresh.previous.values, "{axis} {changed:?}");
                 assert_eq!(moving.next.values, fresh.next.values, "{axis} {changed:?}");
-                let numbers =
-                    |stage: &Stage| [stage.coarse.next.concat(), stage.coarse.leak.clone()].concat();
+                let numbers = |stage: &Stage| {
+                    [stage.made.coarse.next.concat(), stage.made.coarse.leak.clone()].concat()
+                };
                 for (a, b) in numbers(&moving).iter().zip(&numbers(&fresh)) {
                     assert!(is_near(*a, *b), "{axis} {changed:?}: {a} {b}");
                 }
             }
         }
+    }
+
+    /// Weights without any pattern, some of them much larger than others, and nothing that leads to fixed potentials.
+    fn contrasts() -> Network {
+        let (layout, mut noise) = (Layout::new(COUNTS, [0, 0]), noise());
+        let mut fine = Network::new(COUNTS);
+        for node in 0..COUNTS.iter().product() {
+            let node = layout.indices(node);
+            (0..3).for_each(|axis| drop(change(&mut fine, node, axis, [1, 2, 80, 1_000_000][noise(4)])));
+        }
+        fine
+    }
+
+    /// Bodies of high permittivity do not become grounded, wherever their surfaces are.
+    #[test]
+    fn where_no_potential_is_fixed_nothing_leaks() {
+        let layout = Layout::new(COUNTS, [0, 0]);
+        let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
+        let fine = contrasts();
+        for (axis, planes) in COUNTS.into_iter().enumerate() {
+            let kept: Vec<bool> = (0..planes).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+            let mut stage = Stage::new(COUNTS, axis, &kept, &layout, 1);
+            refresh(&mut stage, &fine, &all);
+            let (coarse, _) = stage.coarse();
+            let leak = coarse.leak.iter().copied().fold(0.0, f32::max);
+            assert!(
+                leak < 1e-3 && coarse.next.iter().flatten().all(|weight| *weight >= 0.0),
+                "{axis} {leak}"
+            );
+        }
+    }
+
+    /// As many threads as there are rows enough for compute the same bits as one.
+    #[test]
+    fn threads_share_the_rows_without_a_trace() {
+        let layout = Layout::new(COUNTS, [0, 0]);
+        let (fine, workers) = (contrasts(), Workers::new(2, 1_000_000));
+        let kept: Vec<bool> = (0..COUNTS[0]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+        let numbers = |workers: &Workers, threads: usize| {
+            let mut stage = Stage::new(COUNTS, 0, &kept, &layout, threads);
+            let mut changed = Changed::nothing(COUNTS);
+            // From above, so that rows do not come in the order of memory.
+            for k in (0..COUNTS[2]).rev() {
+                (0..COUNTS[1]).for_each(|j| changed.add(0..COUNTS[0], j, k));
+            }
+            stage.refresh(workers, Arch::new(), &fine, &changed);
+            [stage.made.coarse.next.concat(), stage.made.coarse.leak].concat()
+        };
+        assert_eq!(numbers(&workers, 2), numbers(&Workers::default(), 1));
     }
 }

@@ -70,10 +70,11 @@ impl Transfer {
     /// Keeps those planes across x, y and z for which `kept` holds. Returns the counts of the coarse level too.
     pub(super) fn new(fine: &Level, kept: &[Vec<bool>; 3], threads: usize) -> (Self, [usize; 3]) {
         let mut coarse = fine.layout.counts;
+        let threads = Parts::worthwhile(&fine.layout, threads);
         let mut stage = |axis: usize| {
             kept[axis].contains(&false).then(|| {
-                let stage = Stage::new(coarse, axis, &kept[axis], &fine.stencil.layout);
-                coarse = stage.coarse.counts;
+                let stage = Stage::new(coarse, axis, &kept[axis], &fine.stencil.layout, threads);
+                coarse = stage.coarse().0.counts;
                 stage
             })
         };
@@ -90,7 +91,7 @@ impl Transfer {
         let transfer = Self {
             stages: Stages { z, y, x, pieces: pieces(&kept[0]) },
             between: vec![between; fine.parts.slabs.len()],
-            coarse: Parts::new(&layout, Parts::worthwhile(&fine.layout, threads)),
+            coarse: Parts::new(&layout, threads),
             layout: fine.layout,
         };
         (transfer, coarse)
@@ -100,16 +101,16 @@ impl Transfer {
     pub(super) fn coarse(&self) -> Option<(&Network, &Changed)> {
         let Stages { z, y, x, .. } = &self.stages;
         let last = x.as_ref().or(y.as_ref()).or(z.as_ref())?;
-        Some((&last.coarse, &last.changed))
+        Some(last.coarse())
     }
 
     /// Recomputes the coarse network where the fine one changed.
-    pub(super) fn refresh(&mut self, arch: Arch, fine: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, workers: &Workers, arch: Arch, fine: &Network, changed: &Changed) {
         let (mut fine, mut changed) = (fine, changed);
         let Stages { z, y, x, .. } = &mut self.stages;
         for stage in z.iter_mut().chain(y).chain(x) {
-            stage.refresh(arch, fine, changed);
-            (fine, changed) = (&stage.coarse, &stage.changed);
+            stage.refresh(workers, arch, fine, changed);
+            (fine, changed) = stage.coarse();
         }
     }
 
