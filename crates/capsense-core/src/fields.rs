@@ -3,7 +3,6 @@
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
-use crate::mesh::Edges;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
 use crate::solver::{EdgeFields, FieldSolver, SolveError, SolveReport, SolverOptions};
@@ -86,8 +85,8 @@ impl Fields {
     }
 
     /// Bounds what the changes of a frame do, before conductors move. Gives up as soon as the bounds are too far apart to
-    /// be of use, or when a conductor releases a node, because its charge then has nowhere to go, or when elements change
-    /// other weights than those of capacitors.
+    /// be of use, or when a conductor releases a node, because its charge then has nowhere to go, or when a negative weight
+    /// changes, along which no current can be led.
     pub(crate) fn bracket(
         &mut self,
         matrix: &StiffnessMatrix,
@@ -96,12 +95,7 @@ impl Fields {
         options: &SolverOptions,
     ) {
         let released = |node: &u32| occupancy.conductors()[*node as usize] == NO_OBJECT;
-        // Changed elements of any mesh change negative weights, along which no current can be led. A lattice has none.
-        let negative = occupancy.scales_negative_weights()
-            && !occupancy.changed_edges().is_empty()
-            && matches!(matrix.network().edges(), Edges::List(_));
-        if !self.solver.bracket_is_open(options) || negative || occupancy.changed_nodes().iter().any(released)
-        {
+        if !self.solver.bracket_is_open(options) || occupancy.changed_nodes().iter().any(released) {
             self.solver.bracket_mut().is_lost = true;
             return;
         }
@@ -116,6 +110,10 @@ impl Fields {
             }
             let weight = matrix.network().weights()[edge as usize];
             if weight <= 0.0 {
+                is_lost = occupancy.scales_negative_weights();
+                if is_lost {
+                    break;
+                }
                 continue;
             }
             let ends = matrix.network().edges().ends_of_existing(edge as usize).map(|node| node as usize);

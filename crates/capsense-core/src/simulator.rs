@@ -349,22 +349,20 @@ pub(crate) fn nothing_there(
     materials: &[Material],
     interface: Interface,
 ) -> (EdgeNetwork, Occupancy) {
-    let is_dielectric = |material: &Material| matches!(material, Material::Dielectric(_));
-    if interface == Interface::EdgeCut && !materials.iter().any(is_dielectric) {
-        let network = EdgeNetwork::of_sensor(sensor);
-        let occupancy = Occupancy::empty(sensor.mesh().nodes().len(), network.edges().len());
-        // A single conductor leaves negative weights as they are.
-        return match materials.len() {
-            0 | 1 => (network, occupancy),
-            _ => {
-                let occupancy = occupancy.with_negative_weights(sensor.mesh(), network.edges());
-                (network, occupancy)
-            }
-        };
-    }
-    let network = EdgeNetwork::of_sensor_elements(sensor);
-    let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())
-        .with_negative_weights(sensor.mesh(), network.edges());
+    let has_dielectrics = materials.iter().any(|material| matches!(material, Material::Dielectric(_)));
+    let (mesh, nodes) = (sensor.mesh(), sensor.mesh().nodes().len());
+    let is_of_conductors = interface == Interface::EdgeCut && !has_dielectrics;
+    let network = match is_of_conductors {
+        true => EdgeNetwork::of_sensor(sensor),
+        false => EdgeNetwork::of_sensor_elements(sensor),
+    };
+    let occupancy = match is_of_conductors {
+        true => Occupancy::empty(nodes, network.edges().len()),
+        false => Occupancy::with_interface(interface, mesh, network.edges()),
+    };
+    // A single conductor alone scales no weights.
+    let are_scaled = has_dielectrics || materials.len() > 1;
+    let occupancy = occupancy.with_weights(mesh, network.edges(), network.weights(), are_scaled);
     (network, occupancy)
 }
 

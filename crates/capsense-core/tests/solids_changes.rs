@@ -12,7 +12,9 @@ use capsense_core::sensor::Sensor;
 use capsense_core::solids::Solids;
 use common::shapes::{LENGTH, RADIUS, SIZE, all_shapes, at, pose, rotation};
 use common::updater::Updater;
-use common::{Dice, bar, conductor, depth_of_boxes, dielectric, stripes_sensor, without_lattice};
+use common::{
+    Dice, bar, conductor, depth_of_boxes, dielectric, stripes_sensor, with_moved_nodes, without_lattice,
+};
 use proptest::prelude::*;
 use std::sync::LazyLock;
 
@@ -129,12 +131,12 @@ fn a_tilted_bar_leaves_no_trace() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Solids that rest, creep, turn, jump and leave, on a lattice and on a list of edges, and the camera in between.
+    /// Solids that rest, creep, turn, jump and leave, on a lattice, on lists of edges, and the camera in between.
     #[test]
     fn moves_leave_no_trace(seed in any::<u64>()) {
-        static MESHES: LazyLock<[Sensor; 2]> = LazyLock::new(|| {
+        static MESHES: LazyLock<[Sensor; 3]> = LazyLock::new(|| {
             let lattice = stripes_sensor(6_000);
-            [without_lattice(&lattice), lattice]
+            [without_lattice(&lattice), with_moved_nodes(&lattice), lattice]
         });
         let mut dice = Dice(seed);
         let shapes = all_shapes();

@@ -82,8 +82,12 @@ impl Meshes {
         } else {
             (EdgeNetwork::assemble(&self.moved), &self.moved)
         };
-        let mut occupancy = Occupancy::with_interface(interface, mesh, network.edges())
-            .with_negative_weights(mesh, network.edges());
+        let mut occupancy = Occupancy::with_interface(interface, mesh, network.edges()).with_weights(
+            mesh,
+            network.edges(),
+            network.weights(),
+            true,
+        );
         let mut matrix = StiffnessMatrix::new(network.clone(), mesh.nodes().len());
         let empty = matrix.to_csr();
         let geometry = EdgeGeometry {

@@ -23,6 +23,8 @@ pub struct EdgeList {
     /// The edges at node n are `at_node[starts[n]..starts[n + 1]]`, in increasing order.
     at_node: Vec<u32>,
     starts: Vec<u32>,
+    /// The length of the longest, in metres.
+    longest: f64,
     edge_bins: Bins,
     node_bins: Bins,
 }
@@ -47,7 +49,15 @@ impl EdgeList {
         }
         let edge_bins = Bins::new(ends.len(), |edge| around(ends[edge], nodes));
         let node_bins = Bins::new(nodes.len(), |node| Aabb { min: nodes[node], max: nodes[node] });
-        Self { ends, at_node, starts, edge_bins, node_bins }
+        let lengths =
+            ends.iter().map(|ends| ends.map(|node| nodes[node as usize])).map(|[a, b]| a.distance(b));
+        let longest = lengths.fold(0.0, f64::max);
+        Self { ends, at_node, starts, longest, edge_bins, node_bins }
+    }
+
+    /// The length of the longest edge, in metres.
+    pub(crate) fn longest(&self) -> f64 {
+        self.longest
     }
 
     /// The edges at a node and which of their ends it is, in increasing order.

@@ -13,11 +13,11 @@ mod elements;
 mod fraction;
 mod index_set;
 mod interface;
-mod negative;
 mod parallel;
 mod silhouette;
 mod sorted;
 mod surfaces;
+mod unstructured;
 mod wedge;
 
 pub use changes::{Earlier, Regions};
@@ -36,8 +36,8 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use negative::NegativeWeights;
 use sorted::SortedList;
+use unstructured::{HeldEdge, Unstructured};
 use wedge::Wedges;
 
 /// The nodes and edges that objects are to be found on.
@@ -84,8 +84,8 @@ pub struct Occupancy {
     scratch: Scratch,
     /// What fills elements, if the interface model is one of these.
     elements: Option<Box<Elements>>,
-    /// Negative weights that dielectrics are to scale.
-    negative: Option<Box<NegativeWeights>>,
+    /// What becomes of edges if the mesh is no lattice.
+    unstructured: Option<Box<Unstructured>>,
     /// What nodes of a lattice make of edges of conductors.
     wedges: Wedges,
 }
@@ -209,19 +209,20 @@ impl Occupancy {
                 looked_beside: false,
             },
             elements: None,
-            negative: None,
+            unstructured: None,
             wedges: Wedges::default(),
         }
     }
 
-    /// The same for a mesh with obtuse angles in which there will be dielectrics: they scale negative weights too.
+    /// The same for the edge rule on a mesh that is no lattice, whose edges have these weights: what negative ones are to
+    /// conductors, and, if `are_scaled`, to dielectrics and several conductors. A lattice has none.
     #[must_use]
-    pub fn with_negative_weights(self, mesh: &TetMesh, edges: &Edges) -> Self {
-        let negative = match (edges, &self.elements) {
-            (Edges::List(_), None) => NegativeWeights::new(mesh, edges).map(Box::new),
+    pub fn with_weights(self, mesh: &TetMesh, edges: &Edges, weights: &[f64], are_scaled: bool) -> Self {
+        let unstructured = match (edges, &self.elements) {
+            (Edges::List(_), None) => Some(Box::new(Unstructured::new(mesh, edges, weights, are_scaled))),
             _ => None,
         };
-        Self { negative, ..self }
+        Self { unstructured, ..self }
     }
 
     /// Nothing is occupied; `interface` tells what surfaces will do. `edges` are those along which elements weigh
@@ -268,10 +269,7 @@ impl Occupancy {
             links_lost = self.update_edges(&scene, &changes, looks_beside, &wedges);
             self.wedges = wedges;
         }
-        if let Some(mut negative) = self.negative.take() {
-            links_lost |= self.update_negative(mesh.edges, &mut negative);
-            self.negative = Some(negative);
-        }
+        links_lost |= self.update_unstructured(&scene, changes.around_edges());
         self.changes = changes;
         self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.iter().map(|(edge, _)| *edge));
@@ -290,7 +288,6 @@ impl Occupancy {
             // After 255 frames, numbers come again.
             scratch.edge_seen.fill(0);
             self.elements.iter_mut().for_each(|elements| elements.forget_frames());
-            self.negative.iter_mut().for_each(|negative| negative.forget_frames());
             scratch.frame = 1;
         }
         for &node in &self.changed_nodes {
@@ -375,8 +372,9 @@ impl Occupancy {
                 }
             }
         };
-        if let Some(negative) = self.negative.as_mut().filter(|negative| negative.concern(edge)) {
-            negative.take(edge, owners, coupling);
+        if let Some(unstructured) = &mut self.unstructured {
+            let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
+            unstructured.take(HeldEdge { edge, owners }, ends, is_moved, coupling);
             return false;
         }
         self.couple(edge, ends, coupling)
@@ -422,7 +420,7 @@ impl Occupancy {
 
     /// Whether objects scale weights of any sign, rather than those of capacitors alone.
     pub fn scales_negative_weights(&self) -> bool {
-        self.elements.is_some() || self.negative.is_some()
+        self.elements.is_some() || self.unstructured.is_some()
     }
 
     /// Relative permittivity of each element, in conductors that without objects, and the conductor that it belongs to
@@ -434,11 +432,12 @@ impl Occupancy {
     /// By what factor the permittivity along an edge is raised: what multiplies its weight, but for weights that may be
     /// negative, where it is the mean factor of the elements around.
     pub(crate) fn contrast(&self, edge: usize) -> f64 {
-        match (&self.elements, &self.negative) {
-            (Some(elements), _) => elements.contrast(edge),
-            (None, Some(negative)) if negative.concern(edge) => negative.factor(edge),
-            _ => self.couplings[edge].through,
-        }
+        let told = match (&self.elements, &self.unstructured) {
+            (Some(elements), _) => Some(elements.contrast(edge)),
+            (None, Some(unstructured)) => unstructured.contrast(edge),
+            _ => None,
+        };
+        told.unwrap_or(self.couplings[edge].through)
     }
 
     /// The edges of which links are left, in increasing order.

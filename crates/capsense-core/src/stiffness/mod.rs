@@ -169,10 +169,11 @@ impl StiffnessMatrix {
     fn sum_links(&mut self, occupancy: &Occupancy) {
         let (edges, weights) = (self.network.edges(), self.network.weights());
         let couplings = occupancy.couplings();
+        let scales_negative = occupancy.scales_negative_weights();
         for &node in &self.relinked.nodes {
             let mut sum = self.rim.update(node, &self.network, occupancy);
             edges.for_edges_at(node as usize, |edge, end| {
-                if weights[edge] > 0.0 {
+                if weights[edge] > 0.0 || scales_negative {
                     sum += weights[edge] * couplings[edge].factor[end];
                 }
             });
@@ -190,7 +191,7 @@ impl StiffnessMatrix {
         let first_object = self.nodes + self.network.electrodes();
         for &edge in occupancy.linked_edges() {
             let base = self.network.weights()[edge as usize];
-            if base > 0.0 {
+            if base > 0.0 || occupancy.scales_negative_weights() {
                 let ends = self.network.edges().ends_of_existing(edge as usize);
                 for (end, object, factor) in occupancy.couplings()[edge as usize].links() {
                     let body_row = first_object as u32 + u32::from(object);

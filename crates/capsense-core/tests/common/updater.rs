@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 
 #[derive(Clone)]
 pub struct Updater<'a> {
-    /// None where surfaces cut edges and negative weights stay as they are.
+    /// None where surfaces of conductors cut edges.
     interface: Option<Interface>,
     pub sensor: &'a Sensor,
     pub network: EdgeNetwork,
@@ -35,13 +35,18 @@ impl<'a> Updater<'a> {
         let (network, occupancy) = match interface {
             None => {
                 let network = EdgeNetwork::of_sensor(sensor);
-                let occupancy = Occupancy::empty(nodes, network.edges().len());
+                let occupancy = Occupancy::empty(nodes, network.edges().len()).with_weights(
+                    sensor.mesh(),
+                    network.edges(),
+                    network.weights(),
+                    materials.len() > 1,
+                );
                 (network, occupancy)
             }
             Some(interface) => {
                 let network = EdgeNetwork::of_sensor_elements(sensor);
                 let occupancy = Occupancy::with_interface(interface, sensor.mesh(), network.edges())
-                    .with_negative_weights(sensor.mesh(), network.edges());
+                    .with_weights(sensor.mesh(), network.edges(), network.weights(), true);
                 (network, occupancy)
             }
         };

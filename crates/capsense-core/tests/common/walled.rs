@@ -7,7 +7,7 @@
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::Material;
-use capsense_core::mesh::{Background, Lattice};
+use capsense_core::mesh::{Background, Lattice, TetMesh};
 use capsense_core::occupancy::{EdgeGeometry, NO_OBJECT, Occupancy, Span, Surfaces};
 use capsense_core::sensor::{FREE, GROUND};
 use capsense_core::solids::Solids;
@@ -84,14 +84,37 @@ impl WalledBox {
 
     /// The same with walls across some axes only; the other sides are insulated.
     pub fn with_walls_across(axes: [bool; 3], lattice: &Lattice, bodies: &[Body], rule: Rule) -> Self {
-        let nodes = lattice.to_tet_mesh().unwrap().nodes().to_vec();
+        let mesh = lattice.to_tet_mesh().unwrap();
+        let network = EdgeNetwork::assemble_lattice(lattice, &Background::vacuum(lattice.tet_count()));
+        let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
+        Self::of(axes, &mesh, network, occupancy, bodies, rule)
+    }
+
+    /// Any mesh of a box.
+    pub fn on_mesh(mesh: &TetMesh, bodies: &[Body], rule: Rule) -> Self {
+        let network = EdgeNetwork::assemble(mesh);
+        let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
+        let occupancy = match rule {
+            Rule::EdgesAlone => occupancy,
+            Rule::Silhouettes => occupancy.with_weights(mesh, network.edges(), network.weights(), false),
+        };
+        Self::of([true; 3], mesh, network, occupancy, bodies, rule)
+    }
+
+    fn of(
+        axes: [bool; 3],
+        mesh: &TetMesh,
+        network: EdgeNetwork,
+        mut occupancy: Occupancy,
+        bodies: &[Body],
+        rule: Rule,
+    ) -> Self {
+        let nodes = mesh.nodes().to_vec();
         let domain = Aabb::around(nodes.iter().copied());
         let at_side = |p: &DVec3, axis: usize| p[axis] == domain.min[axis] || p[axis] == domain.max[axis];
         let is_wall = |p: &DVec3| (0..3).any(|axis| axes[axis] && at_side(p, axis));
         let on_wall: Vec<bool> = nodes.iter().map(is_wall).collect();
         let terminals: Vec<_> = on_wall.iter().map(|&wall| if wall { GROUND } else { FREE }).collect();
-        let network = EdgeNetwork::assemble_lattice(lattice, &Background::vacuum(lattice.tet_count()));
-        let mut occupancy = Occupancy::empty(nodes.len(), network.edges().len());
         let mut matrix = StiffnessMatrix::new(network.clone(), nodes.len());
         if !bodies.is_empty() {
             let shapes: Vec<Shape> = bodies.iter().map(|body| body.shape.clone()).collect();
@@ -112,6 +135,12 @@ impl WalledBox {
             matrix.update(&occupancy);
         }
         Self { nodes, on_wall, occupancy, matrix }
+    }
+
+    /// Nodes whose potential is solved for, and where they are.
+    pub fn free_nodes(&self) -> impl Iterator<Item = (usize, DVec3)> {
+        let free = (0..self.nodes.len()).filter(|&row| self.holder(row).is_none() && !self.on_wall[row]);
+        free.map(|row| (row, self.nodes[row]))
     }
 
     /// The object that holds a row, if one does. After the nodes' rows come those of objects.
@@ -143,6 +172,13 @@ impl WalledBox {
 }
 
 impl Solved<'_> {
+    /// The root mean square of how far potentials of free nodes are from those of a field.
+    pub fn deviation(&self, problem: usize, field: impl Fn(DVec3) -> f64) -> f64 {
+        let squares = self.of.free_nodes().map(|(row, p)| (self.potentials[row][problem] - field(p)).powi(2));
+        let (sum, count) = squares.fold((0.0, 0.0), |(sum, count), square| (sum + square, count + 1.0));
+        f64::sqrt(sum / count)
+    }
+
     /// The charge of a conductor per ε₀.
     pub fn charge(&self, problem: usize, object: usize) -> f64 {
         let rows = (0..self.charges.len()).filter(|&row| self.of.holder(row) == Some(object));

@@ -19,23 +19,23 @@ pub struct RightAngle {
 
 impl RightAngle {
     /// Where a point is: how far before either face, and along the edge.
-    pub(super) fn coordinates(&self, point: DVec3) -> [f64; 3] {
+    pub(in super::super) fn coordinates(&self, point: DVec3) -> [f64; 3] {
         let from = point - self.place;
         [self.normals[0].dot(from), self.normals[1].dot(from), self.along().dot(from)]
     }
 
     /// The direction of the edge.
-    pub(super) fn along(&self) -> DVec3 {
+    pub(in super::super) fn along(&self) -> DVec3 {
         self.normals[0].cross(self.normals[1])
     }
 }
 
 /// Points around a node: itself, then its neighbours, and one more that makes the number even.
-pub(super) const POINTS: usize = 8;
+pub(in super::super) const POINTS: usize = 8;
 
 /// Coordinates of points by a right angle, one array for each.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places<const N: usize = POINTS>([[f64; N]; 3]);
+pub(in super::super) struct Places<const N: usize = POINTS>([[f64; N]; 3]);
 
 impl<const N: usize> Default for Places<N> {
     fn default() -> Self {
@@ -44,12 +44,12 @@ impl<const N: usize> Default for Places<N> {
 }
 
 impl<const N: usize> Places<N> {
-    pub(super) fn set(&mut self, point: usize, place: [f64; 3]) {
+    pub(in super::super) fn set(&mut self, point: usize, place: [f64; 3]) {
         (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
     }
 
     /// Whether no straight way between two of the points passes the object: a face is behind both of them.
-    pub(super) fn see_each_other(&self, a: usize, b: usize) -> bool {
+    pub(in super::super) fn see_each_other(&self, a: usize, b: usize) -> bool {
         let [p, q, _] = &self.0;
         p[a] >= 0.0 && p[b] >= 0.0 || q[a] >= 0.0 && q[b] >= 0.0
     }
@@ -57,7 +57,7 @@ impl<const N: usize> Places<N> {
     /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. Loops without branches, so that
     /// several points are one instruction.
     #[inline(always)]
-    pub(super) fn potentials(&self, radius: f64) -> [f64; N] {
+    pub(in super::super) fn potentials(&self, radius: f64) -> [f64; N] {
         let [p, q, along] = &self.0;
         let bend = 0.5 / radius;
         let (mut before, mut squared, mut roots) = ([0.0; N], [0.0; N], [0.0; N]);

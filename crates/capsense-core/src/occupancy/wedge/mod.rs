@@ -9,7 +9,8 @@
 //! Then u is a solution on the lattice, wherever the edge lies between nodes, and a wall that passes a line of nodes changes
 //! the network but not this field. In front of a flat face, u being the distance, the link is what the edge rule makes
 //! of it. A link may be slightly negative, where u bends more than the lattice can. Around one edge u > 0 and (K u)(P) = 0 at
-//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at.
+//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. All that
+//! a conductor much thinner than cells is linked by may be such links; there the negative ones are left out.
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
@@ -17,7 +18,8 @@ mod field;
 mod star;
 
 pub use field::RightAngle;
-pub(super) use star::grown;
+pub(super) use field::{POINTS, Places};
+pub(super) use star::{FAR, grown};
 
 use super::coupling::{Coupling, SMALLEST_PART};
 use super::index_set::IndexSet;
@@ -25,8 +27,8 @@ use super::{NO_OBJECT, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
-use field::{POINTS, Places};
-use star::{FAR, Star, Stars};
+use glam::DVec3;
+use star::{Star, Stars};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -43,6 +45,8 @@ pub(super) struct AtWedge {
     share: f32,
     /// That share, as a factor of the weight of the edge that leads upwards along [`CARRIER`].
     link: f64,
+    /// The potential of the node itself, or what it is taken for where the node is all but in the conductor.
+    potential: f64,
     /// Whether the field is that of one wedge alone: the edge rule has no share in it, and the conductor is thicker than
     /// edges are long, so that nothing is behind it.
     is_all: bool,
@@ -51,7 +55,8 @@ pub(super) struct AtWedge {
 }
 
 impl AtWedge {
-    const NONE: Self = Self { object: NO_OBJECT, share: 0.0, link: 0.0, is_all: false, is_beside: false };
+    const NONE: Self =
+        Self { object: NO_OBJECT, share: 0.0, link: 0.0, potential: 1.0, is_all: false, is_beside: false };
 
     /// Whether all but the link is the same in what edges see of it.
     fn has_share_of(&self, other: &Self) -> bool {
@@ -73,6 +78,8 @@ struct Unlinked {
     sides: u8,
     at: AtWedge,
     share: f64,
+    /// How much of a negative link is left: the less, the thinner the conductor is than edges are long.
+    of_negative: f64,
     /// Of the edge that carries the link, the length and the area of the dual face.
     length: f64,
     area: f64,
@@ -222,18 +229,20 @@ impl Scene<'_> {
         if self.mesh.terminals[star.node] != FREE {
             return None;
         }
-        let (object, angle, share) = self.nearest_edge(star)?;
+        let (object, angle, share) = self.nearest_edge(star.node, star)?;
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
-        let is_all = share >= 1.0 && angle.thickness >= star.longest();
+        let thickness = angle.thickness / star.longest();
+        let is_all = share >= 1.0 && thickness >= 1.0;
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
-        let at = AtWedge { object: object as u16, share: share as f32, link: 0.0, is_all, is_beside };
+        let at = AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
         let mut unlinked = Unlinked {
             node: star.node,
             sides: star.sides(),
             at,
             share,
+            of_negative: (2.0 * thickness - 1.0).clamp(0.0, 1.0),
             length,
             area,
             places: Places::default(),
@@ -246,24 +255,25 @@ impl Scene<'_> {
     }
 
     /// The edge of a conductor that is nearest to a node, and its share in the node's links.
-    fn nearest_edge(&self, star: &Star<'_>) -> Option<(usize, RightAngle, f64)> {
-        let point = self.mesh.nodes[star.node];
-        let reach = star.reach();
+    #[inline]
+    pub(super) fn nearest_edge(&self, node: usize, cells: &impl Cells) -> Option<(usize, RightAngle, f64)> {
+        let point = self.mesh.nodes[node];
+        let reach = cells.reach();
         let is_alone = self.bounds.len() == 1;
         let mut found = None;
         let mut share = 1.0_f64;
         for (object, bounds) in self.bounds.iter().enumerate() {
-            let cells = if is_alone { 0.0 } else { star.cells_to(point.clamp(bounds.min, bounds.max)) };
-            if cells >= FAR {
+            let away = if is_alone { 0.0 } else { cells.cells_to(point.clamp(bounds.min, bounds.max)) };
+            if away >= FAR {
                 continue;
             }
             let near = (found.is_none() && self.is_conductor(object))
                 .then(|| self.surfaces.right_angle_within(object, point, reach))
                 .flatten()
-                .map(|angle| (object, angle, share_of(star, &angle)));
+                .map(|angle| (object, angle, share_of(cells, &angle)));
             match near {
                 Some((.., own)) if own > 0.0 => (found, share) = (near, share.min(own)),
-                _ => share = share.min(((cells - NEAR) / (FAR - NEAR)).max(0.0)),
+                _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
             }
         }
         found.filter(|_| share > 0.0).map(|(object, angle, _)| (object, angle, share))
@@ -340,12 +350,12 @@ impl Scene<'_> {
             coupling.through *= 1.0 - f64::from(wedges[0].share.max(wedges[1].share));
         }
         for end in 0..2 {
-            let AtWedge { object, share, link, .. } = *wedges[end];
+            let AtWedge { object, share, link, potential, .. } = *wedges[end];
             coupling.factor[end] *= 1.0 - f64::from(share);
             if share > 0.0 {
                 // The link was found for what surfaces on the edge make of it.
                 if is_free && covered.through != cut.through {
-                    let slope = self.slope_from(object, [ends[end], ends[1 - end]]);
+                    let slope = self.slope_from(object, potential, [ends[end], ends[1 - end]]);
                     coupling.factor[end] += f64::from(share) * (covered.through - cut.through) * slope;
                 }
                 if end == 0 && edge % 3 == CARRIER {
@@ -360,15 +370,14 @@ impl Scene<'_> {
         coupling
     }
 
-    /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P and its neighbour Q.
-    fn slope_from(&self, object: u16, nodes: [u32; 2]) -> f64 {
+    /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q.
+    fn slope_from(&self, object: u16, potential: f64, nodes: [u32; 2]) -> f64 {
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
         let Some(angle) = self.surfaces.right_angle_near(object.into(), from) else { return 0.0 };
-        let mut places = Places::<2>::default();
-        places.set(0, angle.coordinates(from));
-        places.set(1, angle.coordinates(to));
-        let [own, other] = places.potentials(angle.radius);
-        other / own.max(SMALLEST_PART * other) - 1.0
+        let mut place = Places::<1>::default();
+        place.set(0, angle.coordinates(to));
+        let [other] = place.potentials(angle.radius);
+        other / potential - 1.0
     }
 }
 
@@ -402,20 +411,33 @@ impl Unlinked {
             of_weights += weight;
             highest = f64::max(highest, potential);
         }
-        let link = sum / potentials[0].max(SMALLEST_PART * highest) - of_weights;
+        self.at.potential = potentials[0].max(SMALLEST_PART * highest);
+        let link = sum / self.at.potential - of_weights;
+        let link = if link < 0.0 { self.of_negative * link } else { link };
         self.at.link = self.share * link * self.length / self.area;
     }
 }
 
+/// Distances from a node, counted in cells of the mesh around it.
+pub(super) trait Cells {
+    /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
+    fn cells_to(&self, point: DVec3) -> f64;
+
+    /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
+    fn reach(&self) -> DVec3;
+
+    /// The size of a cell in a direction, in metres.
+    fn size_along(&self, direction: DVec3) -> f64;
+}
+
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
-fn share_of(star: &Star<'_>, angle: &RightAngle) -> f64 {
-    let part = ((FAR - star.cells_to(angle.place)) / (FAR - NEAR)).min(1.0);
+fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
+    let part = ((FAR - cells.cells_to(angle.place)) / (FAR - NEAR)).min(1.0);
     if part <= 0.0 {
         return 0.0;
     }
-    let along = angle.along().abs();
-    let cell = along.x * star.narrowest(0) + along.y * star.narrowest(1) + along.z * star.narrowest(2);
-    let from_ends = (angle.inside / cell).clamp(0.0, 1.0);
-    let is_straight = (angle.radius / cell - 1.0).clamp(0.0, 1.0);
+    let size = cells.size_along(angle.along());
+    let from_ends = (angle.inside / size).clamp(0.0, 1.0);
+    let is_straight = (angle.radius / size - 1.0).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part) * from_ends * is_straight
 }

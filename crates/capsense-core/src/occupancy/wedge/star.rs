@@ -1,12 +1,13 @@
 //! A node of a lattice, its neighbours, and distances counted in cells.
 
+use super::Cells;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 use std::ops::Range;
 
 /// So many cells from an edge of a conductor, nothing is known of it.
-pub(super) const FAR: f64 = 2.0;
+pub(in super::super) const FAR: f64 = 2.0;
 /// Planes of nodes on either side of an edge that may be nearer.
 const PLANES: usize = FAR as usize;
 
@@ -99,7 +100,7 @@ impl Star<'_> {
     }
 
     /// The way to the nearer neighbour along an axis.
-    pub(super) fn narrowest(&self, axis: usize) -> f64 {
+    fn narrowest(&self, axis: usize) -> f64 {
         let [below, above] = self.planes[axis].ways;
         if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) }
     }
@@ -109,21 +110,17 @@ impl Star<'_> {
         self.planes.iter().fold(0.0, |longest: f64, plane| longest.max(plane.ways[0]).max(plane.ways[1]))
     }
 
-    /// How far a place less than [`FAR`] cells away may be along each axis.
-    pub(super) fn reach(&self) -> DVec3 {
-        let [x, y, z] = &self.planes;
-        DVec3::new(x.reach, y.reach, z.reach)
-    }
-
     /// The box up to the neighbours, which holds all that is beside the node's edges.
     pub(super) fn bounds(&self) -> Aabb {
         let [x, y, z] = &self.planes;
         let corner = |side: usize| DVec3::new(x.next[side], y.next[side], z.next[side]);
         Aabb { min: corner(0), max: corner(1) }
     }
+}
 
-    /// Cells between the node and a point, along the axis where there are most; no more than [`FAR`].
-    pub(super) fn cells_to(&self, point: DVec3) -> f64 {
+impl Cells for Star<'_> {
+    /// Along the axis where there are most.
+    fn cells_to(&self, point: DVec3) -> f64 {
         let mut most = 0.0_f64;
         for axis in 0..3 {
             most = most.max(cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]));
@@ -132,6 +129,16 @@ impl Star<'_> {
             }
         }
         most
+    }
+
+    fn reach(&self) -> DVec3 {
+        let [x, y, z] = &self.planes;
+        DVec3::new(x.reach, y.reach, z.reach)
+    }
+
+    fn size_along(&self, direction: DVec3) -> f64 {
+        let along = direction.abs();
+        along.x * self.narrowest(0) + along.y * self.narrowest(1) + along.z * self.narrowest(2)
     }
 }
 
@@ -155,10 +162,16 @@ fn cells_to(planes: &[f64], index: usize, coordinate: f64) -> f64 {
     FAR
 }
 
-/// A region with all that is less than [`FAR`] cells away.
+/// A region with all that is less than [`FAR`] cells away, none of which is larger than edges are long.
 pub(in super::super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
-    let Edges::Lattice(lattice) = edges else { return *region };
     let mut grown = *region;
+    let lattice = match edges {
+        Edges::Lattice(lattice) => lattice,
+        Edges::List(list) => {
+            let reach = FAR * list.longest();
+            return Aabb { min: region.min - reach, max: region.max + reach };
+        }
+    };
     for (axis, planes) in lattice.axes().iter().enumerate() {
         let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(PLANES);
         let last = planes.partition_point(|&plane| plane <= region.max[axis]) + PLANES;

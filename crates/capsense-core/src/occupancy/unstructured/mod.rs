@@ -1,0 +1,153 @@
+//! What objects make of edges on a mesh that is no lattice, where a node has many edges and some weigh less than nothing.
+//!
+//! The edge rule says what is left of each edge. What it says of negative weights is not for a single edge: next to
+//! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
+
+mod negative;
+mod node_links;
+mod obtuse;
+
+use super::{Coupling, NO_OBJECT, Occupancy, Scene};
+use crate::geometry::Aabb;
+use crate::mesh::{Edges, TetMesh};
+use negative::NegativeWeights;
+use node_links::NodeLinks;
+use obtuse::ObtuseElements;
+
+/// The edges of such a mesh.
+#[derive(Clone, Debug)]
+pub(super) struct Unstructured {
+    /// The weight of each edge without objects, and what the edge rule makes of it.
+    weights: Vec<f64>,
+    rule: Vec<Coupling>,
+    links: NodeLinks,
+    obtuse: ObtuseElements,
+    /// Negative weights that dielectrics are to scale.
+    negative: Option<NegativeWeights>,
+    /// Edges to be coupled anew in this frame.
+    pending: Pending,
+}
+
+/// Edges or nodes to be looked at again, each once.
+#[derive(Clone, Debug)]
+struct Pending {
+    items: Vec<u32>,
+    contains: Vec<bool>,
+}
+
+impl Pending {
+    fn none_of(count: usize) -> Self {
+        Self { items: Vec::new(), contains: vec![false; count] }
+    }
+
+    fn add(&mut self, item: usize) {
+        if !std::mem::replace(&mut self.contains[item], true) {
+            self.items.push(item as u32);
+        }
+    }
+
+    fn clear(&mut self) {
+        self.items.drain(..).for_each(|item| self.contains[item as usize] = false);
+    }
+}
+
+/// An edge and what holds it.
+#[derive(Clone, Copy)]
+pub(super) struct HeldEdge {
+    pub(super) edge: usize,
+    /// The conductor that holds each end, or [`NO_OBJECT`].
+    pub(super) owners: [u16; 2],
+}
+
+impl HeldEdge {
+    fn of(edge: usize, ends: [u32; 2], conductors: &[u16]) -> Self {
+        Self { edge, owners: ends.map(|node| conductors[node as usize]) }
+    }
+}
+
+impl Unstructured {
+    /// Takes the weights that edges have without objects. If there will be dielectrics, or several conductors, elements are
+    /// to scale negative weights.
+    pub(super) fn new(mesh: &TetMesh, edges: &Edges, weights: &[f64], are_scaled: bool) -> Self {
+        let obtuse = ObtuseElements::new(mesh, edges);
+        let are_scaled = are_scaled && obtuse.len() > 0;
+        Self {
+            negative: are_scaled.then(|| NegativeWeights::new(mesh, edges, &obtuse)),
+            weights: weights.to_vec(),
+            rule: vec![Coupling::PLAIN; weights.len()],
+            links: NodeLinks::new(mesh, edges, weights),
+            obtuse,
+            pending: Pending::none_of(weights.len()),
+        }
+    }
+
+    /// Takes what the edge rule makes of an edge; `is_moved` tells that what holds its ends may have changed.
+    pub(super) fn take(&mut self, held: HeldEdge, ends: [u32; 2], is_moved: bool, rule: Coupling) {
+        let edge = held.edge;
+        let before = std::mem::replace(&mut self.rule[edge], rule);
+        if !is_moved && rule.is(&before) {
+            return;
+        }
+        self.pending.add(edge);
+        ends.into_iter().for_each(|node| self.links.look_at(node as usize));
+        if let Some(negative) = &mut self.negative {
+            negative.take(&self.obtuse, held, &rule);
+        }
+    }
+
+    /// By what factor the permittivity along an edge is raised, if its weight does not tell.
+    pub(super) fn contrast(&self, edge: usize) -> Option<f64> {
+        let is_scaled = !self.obtuse.at_edge(edge).is_empty();
+        self.negative.as_ref().filter(|_| is_scaled).map(|negative| negative.factor(edge))
+    }
+
+    /// What is left of an edge but for links of nodes.
+    fn without_links(&self, held: HeldEdge) -> Coupling {
+        let rule = self.rule[held.edge];
+        let part = self.part(held);
+        match self.weights[held.edge] > 0.0 {
+            true if is_conducting(&rule, held.owners) => rule.scaled(part),
+            // There is no capacitor that a conductor could cut, and between two conductors there is nothing.
+            false if rule.is_linked() || rule.meets_two(held.owners) => Coupling::only_through(0.0),
+            _ => Coupling::only_through(part),
+        }
+    }
+
+    /// What multiplies the weight of an edge, which conductors then may cut.
+    fn part(&self, held: HeldEdge) -> f64 {
+        let rule = &self.rule[held.edge];
+        match &self.negative {
+            Some(negative) => negative.part(held, rule),
+            None if is_conducting(rule, held.owners) => 1.0,
+            None => rule.through,
+        }
+    }
+}
+
+/// Whether a conductor is on an edge with these owners of its ends.
+fn is_conducting(rule: &Coupling, owners: [u16; 2]) -> bool {
+    rule.is_linked() || owners != [NO_OBJECT; 2]
+}
+
+impl Occupancy {
+    /// Couples the edges of a mesh that is no lattice, as far as something changed there; whether links were lost.
+    /// `around_edges` are boxes outside of which no edge of an object was or is, of what changed.
+    pub(super) fn update_unstructured(&mut self, scene: &Scene<'_>, around_edges: &[Aabb]) -> bool {
+        let Some(mut unstructured) = self.unstructured.take() else { return false };
+        let Unstructured { negative, obtuse, pending, .. } = &mut *unstructured;
+        if let Some(negative) = negative {
+            negative.update_elements(obtuse, |edge| pending.add(edge));
+        }
+        unstructured.update_links(scene, around_edges, &self.conductor);
+        let mut links_lost = false;
+        for &edge in &unstructured.pending.items {
+            let edge = edge as usize;
+            let ends = scene.mesh.edges.ends_of_existing(edge);
+            let held = HeldEdge::of(edge, ends, &self.conductor);
+            links_lost |= self.couple(edge, ends, unstructured.coupling(held, ends));
+        }
+        unstructured.pending.clear();
+        self.unstructured = Some(unstructured);
+        links_lost
+    }
+}

@@ -1,0 +1,266 @@
+//! What nodes are linked to conductors by beyond what each of their edges says.
+//!
+//! In front of a conductor's face the potential grows with the distance d from it, and this field satisfies the equation of
+//! a node if the face is linked by Σ w/θ over the node's edges that it cuts at a part θ of their length, because over all
+//! edges Σ w Δd = 0. Over all: without the edges of negative weight, opposite of obtuse angles, the face is somewhere else.
+//! But there is no capacitor of negative weight to be cut. So the edge keeps the weight that it has if the conductor holds
+//! its other end, and the node is linked by what is missing, as far as K stays positive definite ([`super::obtuse`]).
+//!
+//! Near an edge of a conductor all of a node's links together are what makes the field of a right angle satisfy the node's
+//! equation, as on lattices ([`super::super::wedge`]).
+//!
+//! Such a link is carried by the node's end of its heaviest edge.
+
+use super::super::coupling::{Coupling, SMALLEST_PART};
+use super::super::wedge::{Cells, FAR, POINTS, Places, RightAngle, grown};
+use super::super::{NO_OBJECT, Scene};
+use super::obtuse::Holder;
+use super::{HeldEdge, Pending, Unstructured};
+use crate::geometry::Aabb;
+use crate::mesh::{Edges, TetMesh, signed_volume};
+use crate::sensor::FREE;
+use glam::DVec3;
+
+/// The link of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct NodeLink {
+    /// The conductor, or [`NO_OBJECT`].
+    object: u16,
+    /// In metres.
+    weight: f64,
+}
+
+impl NodeLink {
+    const NONE: Self = Self { object: NO_OBJECT, weight: 0.0 };
+}
+
+/// Cells of the same size in all directions.
+struct CellsAround {
+    node: DVec3,
+    size: f64,
+}
+
+impl Cells for CellsAround {
+    fn cells_to(&self, point: DVec3) -> f64 {
+        (self.node.distance(point) / self.size).min(FAR)
+    }
+
+    fn reach(&self) -> DVec3 {
+        DVec3::splat(FAR * self.size)
+    }
+
+    fn size_along(&self, _: DVec3) -> f64 {
+        self.size
+    }
+}
+
+/// The links of all nodes.
+#[derive(Clone, Debug)]
+pub(super) struct NodeLinks {
+    links: Vec<NodeLink>,
+    /// The edge that carries each node's link.
+    carrier: Vec<u32>,
+    /// The edge of a cube as large as what each node has around it, in metres.
+    cell: Vec<f64>,
+    /// Nodes to be looked at again in this frame.
+    pending: Pending,
+}
+
+/// The edges of a node that end in conductors.
+struct Ending {
+    /// The conductor that the node is linked to most, and by how much; [`NO_OBJECT`] if there is none.
+    object: u16,
+    most: f64,
+    /// Sum of the weights with which edges end there, and with which they would if weights of any sign were cut.
+    now: f64,
+    cut: f64,
+    /// Whether they end in different conductors.
+    are_several: bool,
+    /// Whether dielectrics are on the node's other edges.
+    are_among_dielectrics: bool,
+}
+
+impl NodeLinks {
+    pub(super) fn new(mesh: &TetMesh, edges: &Edges, weights: &[f64]) -> Self {
+        let nodes = mesh.nodes().len();
+        let heaviest = |node: usize| {
+            let (mut most, mut carrier) = (f64::NEG_INFINITY, 0);
+            edges.for_edges_at(node, |edge, _| {
+                if weights[edge] > most {
+                    (most, carrier) = (weights[edge], edge as u32);
+                }
+            });
+            carrier
+        };
+        let longest = match edges {
+            Edges::List(list) => list.longest(),
+            Edges::Lattice(_) => f64::INFINITY,
+        };
+        let mut volume = vec![0.0; nodes];
+        for (element, tet) in mesh.tets().iter().enumerate() {
+            let share = 0.25 * signed_volume(mesh.corners(element));
+            tet.iter().for_each(|&node| volume[node as usize] += share);
+        }
+        Self {
+            links: vec![NodeLink::NONE; nodes],
+            carrier: (0..nodes).map(heaviest).collect(),
+            cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
+            pending: Pending::none_of(nodes),
+        }
+    }
+
+    fn cells_at(&self, scene: &Scene<'_>, node: usize) -> CellsAround {
+        CellsAround { node: scene.mesh.nodes[node], size: self.cell[node] }
+    }
+
+    /// Notes that a node is to be looked at again.
+    pub(super) fn look_at(&mut self, node: usize) {
+        self.pending.add(node);
+    }
+
+    /// Notes the nodes that edges of conductors in some boxes are near.
+    fn look_around(&mut self, scene: &Scene<'_>, regions: &[Aabb]) {
+        if regions.is_empty() {
+            return;
+        }
+        let all = Aabb::around(regions.iter().flat_map(|region| [region.min, region.max]));
+        scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &grown(scene.mesh.edges, &all), |node| {
+            let (point, cells) = (scene.mesh.nodes[node], self.cells_at(scene, node));
+            let is_near = |region: &Aabb| cells.cells_to(point.clamp(region.min, region.max)) < FAR;
+            if is_near(&all) && regions.iter().any(is_near) {
+                self.pending.add(node);
+            }
+        });
+    }
+}
+
+impl Unstructured {
+    /// Links nodes anew where something changed, and notes the edges that carry these links.
+    pub(super) fn update_links(&mut self, scene: &Scene<'_>, around_edges: &[Aabb], conductors: &[u16]) {
+        self.links.look_around(scene, around_edges);
+        for &edge in &self.pending.items {
+            // How little links may be depends on all edges of elements.
+            self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.add(node));
+        }
+        for at in 0..self.links.pending.items.len() {
+            let node = self.links.pending.items[at] as usize;
+            let now = self.link(scene, node, conductors);
+            let before = std::mem::replace(&mut self.links.links[node], now);
+            if before.object != now.object || before.weight.to_bits() != now.weight.to_bits() {
+                self.pending.add(self.links.carrier[node] as usize);
+            }
+        }
+        self.links.pending.clear();
+    }
+
+    /// What is left of an edge.
+    pub(super) fn coupling(&self, held: HeldEdge, ends: [u32; 2]) -> Coupling {
+        let mut coupling = self.without_links(held);
+        for (end, node) in ends.into_iter().enumerate() {
+            let NodeLink { object, weight } = self.links.links[node as usize];
+            if object != NO_OBJECT && self.links.carrier[node as usize] as usize == held.edge {
+                coupling.object[end] = object;
+                coupling.factor[end] += weight / self.weights[held.edge];
+            }
+        }
+        coupling
+    }
+
+    fn link(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> NodeLink {
+        if scene.mesh.terminals[node] != FREE || conductors[node] != NO_OBJECT {
+            return NodeLink::NONE;
+        }
+        let ending = self.ending(scene, node, conductors);
+        let (mut object, mut all) = (ending.object, ending.cut);
+        if !ending.are_among_dielectrics
+            && let Some((of, angle, share)) = scene.nearest_edge(node, &self.links.cells_at(scene, node))
+        {
+            object = of as u16;
+            all += share * (self.at_wedge(scene, node, &angle, conductors) - all);
+        }
+        if all < ending.now {
+            // Without a link of its own the node has what is never too little.
+            let is_alone = !ending.are_several && (ending.object == NO_OBJECT || ending.object == object);
+            let least = if is_alone { self.least_links(node, scene, conductors) } else { ending.now };
+            all = all.max(least.min(ending.now));
+        }
+        let weight = all - ending.now;
+        if object == NO_OBJECT || weight == 0.0 { NodeLink::NONE } else { NodeLink { object, weight } }
+    }
+
+    fn least_links(&self, node: usize, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
+        let holder = |node: u32| match (scene.mesh.terminals[node as usize], conductors[node as usize]) {
+            (FREE, NO_OBJECT) => Holder::None,
+            (FREE, _) => Holder::Conductor,
+            _ => Holder::Sensor,
+        };
+        let scale =
+            |element: usize| self.negative.as_ref().map_or(1.0, |negative| negative.smallest(element));
+        self.obtuse.least_links(node, &self.rule, holder, scale)
+    }
+
+    /// Sums over the edges of a node that end in conductors.
+    fn ending(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> Ending {
+        let mut ending = Ending {
+            object: NO_OBJECT,
+            most: 0.0,
+            now: 0.0,
+            cut: 0.0,
+            are_several: false,
+            are_among_dielectrics: false,
+        };
+        scene.mesh.edges.for_edges_at(node, |edge, end| {
+            let held = HeldEdge::of(edge, scene.mesh.edges.ends_of_existing(edge), conductors);
+            let (rule, left) = (self.rule[edge], self.without_links(held));
+            let (object, factor, now) = match (rule.object[end], held.owners[1 - end]) {
+                (NO_OBJECT, NO_OBJECT) => {
+                    ending.are_among_dielectrics |= left.through != 1.0;
+                    return;
+                }
+                (NO_OBJECT, owner) => (owner, rule.through, left.through),
+                (object, _) => (object, rule.factor[end], left.factor[end]),
+            };
+            let weight = self.weights[edge] * if rule.meets_two(held.owners) { 0.0 } else { self.part(held) };
+            let now = self.weights[edge] * now;
+            let cut = if self.weights[edge] > 0.0 { now } else { weight * factor };
+            ending.are_several |= ending.object != NO_OBJECT && ending.object != object;
+            if ending.object == NO_OBJECT || cut.abs() > ending.most {
+                (ending.object, ending.most) = (object, cut.abs());
+            }
+            ending.now += now;
+            ending.cut += cut;
+        });
+        ending
+    }
+
+    /// Σ w (u(Q) - u(P)) / u(P) over edges of a node that end in no conductor.
+    fn at_wedge(&self, scene: &Scene<'_>, node: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
+        let mut places = Places::default();
+        places.set(0, angle.coordinates(scene.mesh.nodes[node]));
+        let own = places.potentials(angle.radius)[0];
+        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
+        let mut weights = [0.0; POINTS];
+        let mut count = 0;
+        let mut add = |places: &Places, weights: &[f64]| {
+            for (weight, potential) in weights.iter().zip(places.potentials(angle.radius)) {
+                sum += weight * potential;
+                of_weights += weight;
+                highest = highest.max(potential);
+            }
+        };
+        scene.mesh.edges.for_edges_at(node, |edge, end| {
+            let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
+            if conductors[other] == NO_OBJECT && !self.rule[edge].is_linked() {
+                places.set(count, angle.coordinates(scene.mesh.nodes[other]));
+                weights[count] = self.weights[edge];
+                count += 1;
+                if count == POINTS {
+                    add(&places, &weights);
+                    count = 0;
+                }
+            }
+        });
+        add(&places, &weights[..count]);
+        sum / own.max(SMALLEST_PART * highest) - of_weights
+    }
+}

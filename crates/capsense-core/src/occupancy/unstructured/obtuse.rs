@@ -1,0 +1,150 @@
+//! How little links may be where elements have obtuse angles, for K to stay positive definite.
+//!
+//! K is a sum over elements, K_e, each of which is positive semidefinite, and so it stays if what becomes of each K_e is. An
+//! element without negative weights may lose any of its edges. Of another one, think of the corners that still are coupled
+//! with each other as one part. If conductors cut all edges between its parts and none within, then with the weights of
+//! these edges as links of their ends each part has what it has of K_e if the others are held, which is positive
+//! semidefinite. If not, it needs of its links what the edge rule makes of its positive weights: these are capacitors of
+//! which the cut ones hold their ends together no less than before, and without negative ones between free corners it is no
+//! worse off. Negative weights to held corners stay in its diagonal.
+
+use super::super::coupling::Coupling;
+use super::super::elements::{Lists, NO_EDGE, edges_of};
+use crate::mesh::{EdgeShare, Edges, TetMesh};
+
+/// The corners that the edges of an element join, in the order of [`EdgeShare::of_element`].
+const CORNERS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
+/// What holds a node's potential.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Holder {
+    None,
+    Conductor,
+    /// An electrode or the wall.
+    Sensor,
+}
+
+/// Elements with negative weights.
+#[derive(Clone, Debug)]
+pub(super) struct ObtuseElements {
+    /// The nodes, edges and weights of each.
+    elements: Vec<Element>,
+    at_node: Lists<u32>,
+    at_edge: Lists<u32>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Element {
+    nodes: [u32; 4],
+    edges: [u32; 6],
+    weights: [f64; 6],
+}
+
+impl ObtuseElements {
+    /// Finds them. They are numbered in the order of the mesh.
+    pub(super) fn new(mesh: &TetMesh, edges: &Edges) -> Self {
+        let mut elements = Vec::new();
+        for (element, &nodes) in mesh.tets().iter().enumerate() {
+            let shares = EdgeShare::of_element(mesh.corners(element));
+            if shares.clone().any(|share| share.counts() && share.weight < 0.0) {
+                let background = mesh.relative_permittivity().at(element);
+                let mut weights = [0.0; 6];
+                shares.zip(&mut weights).for_each(|(share, weight)| *weight = background * share.weight);
+                elements.push(Element { nodes, edges: edges_of(nodes, edges), weights });
+            }
+        }
+        let numbered = || (0..).zip(&elements);
+        let at_node = numbered().flat_map(|(number, element): (u32, &Element)| {
+            element.nodes.into_iter().map(move |node| (node as usize, number))
+        });
+        let at_edge =
+            numbered().flat_map(|(number, element)| element.existing_edges().map(move |edge| (edge, number)));
+        Self {
+            at_node: Lists::new(mesh.nodes().len(), at_node),
+            at_edge: Lists::new(edges.len(), at_edge),
+            elements,
+        }
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.elements.len()
+    }
+
+    /// Whether an element of the mesh with these nodes has a number.
+    pub(super) fn is(&self, number: usize, nodes: [u32; 4]) -> bool {
+        self.elements.get(number).is_some_and(|element| element.nodes == nodes)
+    }
+
+    /// The elements at an edge.
+    pub(super) fn at_edge(&self, edge: usize) -> &[u32] {
+        self.at_edge.of(edge)
+    }
+
+    /// The edges of an element that have a weight.
+    pub(super) fn edges(&self, element: u32) -> impl Iterator<Item = usize> {
+        self.elements[element as usize].existing_edges()
+    }
+
+    /// Visits the nodes of the elements at an edge, some several times.
+    pub(super) fn for_nodes_around(&self, edge: usize, mut visit: impl FnMut(usize)) {
+        let elements = self.at_edge(edge).iter().map(|&element| &self.elements[element as usize]);
+        elements.flat_map(|element| element.nodes).for_each(|node| visit(node as usize));
+    }
+
+    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them. `rule` is
+    /// what the edge rule makes of edges, `scale` by what each element's weights are multiplied.
+    pub(super) fn least_links(
+        &self,
+        node: usize,
+        rule: &[Coupling],
+        holder: impl Fn(u32) -> Holder,
+        scale: impl Fn(usize) -> f64,
+    ) -> f64 {
+        let elements = self.at_node.of(node).iter().map(|&number| number as usize);
+        elements.map(|number| self.elements[number].least_links(node, rule, &holder, scale(number))).sum()
+    }
+}
+
+impl Element {
+    fn existing_edges(&self) -> impl Iterator<Item = usize> + Clone + use<> {
+        self.edges.into_iter().filter(|edge| *edge != NO_EDGE).map(|edge| edge as usize)
+    }
+
+    fn least_links(&self, node: usize, rule: &[Coupling], holder: impl Fn(u32) -> Holder, scale: f64) -> f64 {
+        let holders = self.nodes.map(holder);
+        let free = holders.map(|holder| holder == Holder::None);
+        let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
+        // Corners of one part have the smallest of their numbers.
+        let mut part = [0, 1, 2, 3];
+        for (edge, [a, b]) in CORNERS.into_iter().enumerate() {
+            if free[a] && free[b] && !is_cut(edge) {
+                let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
+                part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
+            }
+        }
+        let mut pairs = CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
+        let is_clean = pairs.all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b]);
+        let mut sum = 0.0;
+        for (edge, [a, b]) in CORNERS.into_iter().enumerate() {
+            let own = [a, b].map(|corner| self.nodes[corner] as usize == node);
+            let other = if own[0] { b } else { a };
+            let ends = holders[other] == Holder::Conductor || is_cut(edge);
+            if own == [false; 2] || self.edges[edge] == NO_EDGE || !ends {
+                continue;
+            }
+            let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
+            sum += if is_clean {
+                scale * weight
+            } else if weight > 0.0 {
+                let end = usize::from(node > self.nodes[other] as usize);
+                weight * if rule.is_linked() { rule.factor[end] } else { rule.through }
+            } else if free[other] {
+                0.0
+            } else {
+                scale * weight
+            };
+        }
+        sum
+    }
+}
