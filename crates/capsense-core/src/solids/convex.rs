@@ -167,6 +167,7 @@ impl Convex {
                     inside: -outside[axis],
                     radius: f64::INFINITY,
                     thickness: 2.0 * across.min_element(),
+                    breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),
                 })
             }
             Self::Capsule { .. } => None,
@@ -179,6 +180,7 @@ impl Convex {
                     inside: f64::INFINITY,
                     radius,
                     thickness: 2.0 * radius.min(half_length),
+                    breadth: 2.0 * radius,
                 })
             }
         }

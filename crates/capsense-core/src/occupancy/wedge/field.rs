@@ -15,6 +15,8 @@ pub struct RightAngle {
     pub radius: f64,
     /// How thick the object is behind the faces, at least across one of them.
     pub thickness: f64,
+    /// The middle one of the object's extents.
+    pub breadth: f64,
 }
 
 impl RightAngle {
@@ -127,6 +129,7 @@ mod tests {
             inside: 1.0,
             radius: f64::INFINITY,
             thickness: 1.0,
+            breadth: 1.0,
         };
         for step in 0..=60 {
             // From the face across x, around the edge, to the face across z.

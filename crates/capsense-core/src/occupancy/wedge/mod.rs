@@ -9,8 +9,8 @@
 //! Then u is a solution on the lattice, wherever the edge lies between nodes, and a wall that passes a line of nodes changes
 //! the network but not this field. In front of a flat face, u being the distance, the link is what the edge rule makes
 //! of it. A link may be slightly negative, where u bends more than the lattice can. Around one edge u > 0 and (K u)(P) = 0 at
-//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. All that
-//! a conductor much thinner than cells is linked by may be such links; there the negative ones are left out.
+//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. A stick much
+//! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
@@ -78,7 +78,7 @@ struct Unlinked {
     sides: u8,
     at: AtWedge,
     share: f64,
-    /// How much of a negative link is left: the less, the thinner the conductor is than edges are long.
+    /// How much of a negative link is left: the less, the narrower the conductor is than edges are long.
     of_negative: f64,
     /// Of the edge that carries the link, the length and the area of the dual face.
     length: f64,
@@ -232,8 +232,8 @@ impl Scene<'_> {
         let (object, angle, share) = self.nearest_edge(star.node, star)?;
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
-        let thickness = angle.thickness / star.longest();
-        let is_all = share >= 1.0 && thickness >= 1.0;
+        let longest = star.longest();
+        let is_all = share >= 1.0 && angle.thickness >= longest;
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
         let at = AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
@@ -242,7 +242,7 @@ impl Scene<'_> {
             sides: star.sides(),
             at,
             share,
-            of_negative: (2.0 * thickness - 1.0).clamp(0.0, 1.0),
+            of_negative: (angle.breadth / longest - 1.0).clamp(0.0, 1.0),
             length,
             area,
             places: Places::default(),
