@@ -21,6 +21,9 @@ use crate::mesh::{Edges, TetMesh, signed_volume};
 use crate::sensor::FREE;
 use glam::DVec3;
 
+/// Permittivities differ by less than this part of them where they are the same but for rounding.
+const SAME: f64 = 1e-9;
+
 /// The link of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct NodeLink {
@@ -76,8 +79,8 @@ struct Ending {
     cut: f64,
     /// Whether they end in different conductors.
     are_several: bool,
-    /// Whether dielectrics are on the node's other edges.
-    are_among_dielectrics: bool,
+    /// Whether the permittivity is not the same all around the node.
+    is_mixed: bool,
 }
 
 impl NodeLinks {
@@ -172,7 +175,7 @@ impl Unstructured {
         }
         let ending = self.ending(scene, node, conductors);
         let (mut object, mut all) = (ending.object, ending.cut);
-        if !ending.are_among_dielectrics
+        if !ending.is_mixed
             && let Some((of, angle, share)) = scene.nearest_edge(node, &self.links.cells_at(scene, node))
         {
             object = of as u16;
@@ -201,20 +204,18 @@ impl Unstructured {
 
     /// Sums over the edges of a node that end in conductors.
     fn ending(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> Ending {
-        let mut ending = Ending {
-            object: NO_OBJECT,
-            most: 0.0,
-            now: 0.0,
-            cut: 0.0,
-            are_several: false,
-            are_among_dielectrics: false,
-        };
+        let mut ending =
+            Ending { object: NO_OBJECT, most: 0.0, now: 0.0, cut: 0.0, are_several: false, is_mixed: false };
+        let mut background = None;
         scene.mesh.edges.for_edges_at(node, |edge, end| {
+            let permittivity = scene.mesh.permittivity.at(edge);
+            let first = *background.get_or_insert(permittivity);
+            ending.is_mixed |= f64::abs(permittivity - first) > SAME * first;
             let held = HeldEdge::of(edge, scene.mesh.edges.ends_of_existing(edge), conductors);
             let (rule, left) = (self.rule[edge], self.without_links(held));
             let (object, factor, now) = match (rule.object[end], held.owners[1 - end]) {
                 (NO_OBJECT, NO_OBJECT) => {
-                    ending.are_among_dielectrics |= left.through != 1.0;
+                    ending.is_mixed |= left.through != 1.0;
                     return;
                 }
                 (NO_OBJECT, owner) => (owner, rule.through, left.through),
@@ -261,6 +262,6 @@ impl Unstructured {
             }
         });
         add(&places, &weights[..count]);
-        sum / own.max(SMALLEST_PART * highest) - of_weights
+        sum / own.max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE) - of_weights
     }
 }

@@ -411,7 +411,7 @@ impl Unlinked {
             of_weights += weight;
             highest = f64::max(highest, potential);
         }
-        self.at.potential = potentials[0].max(SMALLEST_PART * highest);
+        self.at.potential = potentials[0].max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE);
         let link = sum / self.at.potential - of_weights;
         let link = if link < 0.0 { self.of_negative * link } else { link };
         self.at.link = self.share * link * self.length / self.area;
