@@ -82,9 +82,10 @@ fn assert_below(errors: &[f64], allowed: &[f64]) {
     assert!(errors.iter().zip(allowed).all(|(e, allowed)| e.abs() < *allowed), "{errors:?} {allowed:?}");
 }
 
-/// Round bodies have no walls along edges for the lattice to look at.
-fn assert_same(edges: &[f64], silhouettes: &[f64]) {
-    assert!(edges.iter().zip(silhouettes).all(|(a, b)| (a - b).abs() < 2e-4), "{edges:?} {silhouettes:?}");
+/// Solids tell how they are rounded, which edges alone do not know.
+fn assert_better(edges: &[f64], solids: &[f64]) {
+    let all = || edges.iter().zip(solids);
+    assert!(all().all(|(a, b)| b.abs() < 3.5e-3 && b.abs() < 1.05 * a.abs()), "{edges:?} {solids:?}");
 }
 
 fn percent(errors: &[f64]) -> String {
@@ -106,11 +107,12 @@ fn a_grounded_sphere_over_a_plane() {
             -VACUUM_PERMITTIVITY * space.solve(&[held]).charge(0, 0) / exact - 1.0
         })
     };
-    let (edges, silhouettes) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
-    println!("over a plane: edges alone {}, lattice {}", percent(&edges), percent(&silhouettes));
+    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+    println!("over a plane: edges alone {}, solids {}", percent(&edges), percent(&solids));
     assert_order(&edges, &CELLS, 1.5);
     assert_below(&edges, &[9e-3, 3.5e-3, 2e-3]);
-    assert_same(&edges, &silhouettes);
+    assert_order(&solids, &CELLS, 1.5);
+    assert_better(&edges, &solids);
 }
 
 /// The Maxwell matrix of two spheres of radius 1, 4 apart, and what is left of it when one of them floats.
@@ -135,14 +137,15 @@ fn two_spheres_grounded_and_floating() {
             [c(0, 0) / own - 1.0, c(0, 1) / mutual - 1.0, floating / exact - 1.0]
         })
     };
-    let (edges, silhouettes) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
     for (of, name) in ["own", "mutual", "beside a floating one"].into_iter().enumerate() {
         let column = |errors: [[f64; 3]; 3]| errors.map(|error| error[of]);
-        let (edges, silhouettes) = (column(edges), column(silhouettes));
-        println!("two spheres, {name}: edges alone {}, lattice {}", percent(&edges), percent(&silhouettes));
+        let (edges, solids) = (column(edges), column(solids));
+        println!("two spheres, {name}: edges alone {}, solids {}", percent(&edges), percent(&solids));
         assert_order(&edges, &CELLS, 1.4);
         assert_below(&edges, &[9e-3, 3.5e-3, 2e-3]);
-        assert_same(&edges, &silhouettes);
+        assert_order(&solids, &CELLS, 1.4);
+        assert_better(&edges, &solids);
     }
 }
 
@@ -168,15 +171,12 @@ fn a_sphere_in_a_grounded_cube() {
                 c / (4.0 * PI * exact) - 1.0
             })
         };
-        let (edges, silhouettes) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
-        println!(
-            "radius {radius} in a cube: edges alone {}, lattice {}",
-            percent(&edges),
-            percent(&silhouettes)
-        );
+        let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+        println!("radius {radius} in a cube: edges alone {}, solids {}", percent(&edges), percent(&solids));
         assert_order(&edges, &cells.map(|cells| cells as f64), 1.5);
         assert_below(&edges, &allowed);
-        assert_same(&edges, &silhouettes);
+        assert_order(&solids, &cells.map(|cells| cells as f64), 1.5);
+        assert_better(&edges, &solids);
     }
 }
 

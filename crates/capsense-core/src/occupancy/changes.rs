@@ -52,7 +52,7 @@ impl Earlier {
 #[derive(Clone, Debug, Default)]
 pub struct Regions {
     boxes: Vec<Aabb>,
-    /// Where edges of objects that differ were or are, and where two objects are near each other.
+    /// Where edges and round surfaces of objects that differ were or are, and where two objects are near each other.
     around_edges: Vec<Aabb>,
     /// Objects that differ.
     objects: Vec<usize>,
@@ -73,6 +73,11 @@ impl Regions {
     /// Boxes around edges, where surfaces turn abruptly, of what differs.
     pub(crate) fn around_edges(&mut self) -> &mut Vec<Aabb> {
         &mut self.around_edges
+    }
+
+    /// Has nodes around all boxes from a number on look at conductors again, as around edges.
+    pub(crate) fn are_around_edges(&mut self, first: usize) {
+        self.around_edges.extend_from_slice(&self.boxes[first..]);
     }
 
     /// Takes note that an object differs; returns the mean distance between nodes of the mesh, below which smaller boxes

@@ -25,7 +25,7 @@ pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub use interface::Interface;
 pub use surfaces::{Span, Surfaces};
-pub use wedge::RightAngle;
+pub use wedge::{RightAngle, Round};
 
 use crate::geometry::Aabb;
 use crate::material::Material;

@@ -1,6 +1,6 @@
 //! What the occupancy asks of surfaces, however they are known.
 
-use super::{Earlier, InvalidDepth, Regions, RightAngle};
+use super::{Earlier, InvalidDepth, Regions, RightAngle, Round};
 use crate::geometry::Aabb;
 use glam::DVec3;
 
@@ -62,6 +62,11 @@ pub trait Surfaces {
     fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
         let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(reach).all();
         self.right_angle_near(object, point).filter(is_near)
+    }
+
+    /// How an object is rounded, if it has no edges.
+    fn roundness(&self, _object: usize) -> Option<Round> {
+        None
     }
 
     /// Finds where answers may differ from those of an earlier frame, and has `before` remember this one instead.

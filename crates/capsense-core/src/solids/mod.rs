@@ -13,7 +13,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Regions, RightAngle, Span, Surfaces};
+use crate::occupancy::{Earlier, Regions, RightAngle, Round, Span, Surfaces};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3Swizzles};
@@ -305,6 +305,14 @@ impl Surfaces for Solids {
         Some(RightAngle { place, normals: [turn * angle.normals[0], turn * angle.normals[1]], ..angle })
     }
 
+    fn roundness(&self, object: usize) -> Option<Round> {
+        let Body::Convex(Convex::Capsule { radius, half_length }) = self.solids[object].body else {
+            return None;
+        };
+        let pose = &self.placed[object].sensor_from_object;
+        Some(Round { centre: pose.translation, half: pose.matrix3 * (DVec3::Z * half_length), radius })
+    }
+
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {
         let poses = || self.placed.iter().map(|placed| placed.sensor_from_object);
         let Some(earlier) = before.poses_of(&self.identity) else {
@@ -323,7 +331,11 @@ impl Surfaces for Solids {
                 boxes.extend([was_at, self.placed[object].bounds]);
                 regions.around_edges().extend([was_at, self.placed[object].bounds]);
             } else {
+                let first = boxes.len();
                 solid.surface.append_regions([&earlier, &now], spacing, boxes);
+                if self.roundness(object).is_some() {
+                    regions.are_around_edges(first);
+                }
                 solid.edges.append_regions_at_edges([&earlier, &now], spacing, regions.around_edges());
             }
         }

@@ -12,7 +12,7 @@
 //! Such a link is carried by the node's end of its heaviest edge.
 
 use super::super::coupling::{Coupling, SMALLEST_PART};
-use super::super::wedge::{Cells, FAR, POINTS, Places, RightAngle, grown};
+use super::super::wedge::{Cells, FAR, Near, POINTS, Places, RightAngle, RoundNear, grown};
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
 use super::{HeldEdge, Pending, Unstructured};
@@ -176,10 +176,14 @@ impl Unstructured {
         let ending = self.ending(scene, node, conductors);
         let (mut object, mut all) = (ending.object, ending.cut);
         if !ending.is_mixed
-            && let Some((of, angle, share)) = scene.nearest_edge(node, &self.links.cells_at(scene, node))
+            && let Some((of, near, share)) = scene.nearest(node, &self.links.cells_at(scene, node))
         {
             object = of as u16;
-            all += share * (self.at_wedge(scene, node, &angle, conductors) - all);
+            let near = match &near {
+                Near::Edge(angle) => self.at_wedge(scene, node, angle, conductors),
+                Near::Round(round) => self.at_round(scene, node, round, conductors),
+            };
+            all += share * (near - all);
         }
         if all < ending.now {
             // Without a link of its own the node has what is never too little.
@@ -232,6 +236,22 @@ impl Unstructured {
             ending.cut += cut;
         });
         ending
+    }
+
+    /// The same as [`Self::at_wedge`] in front of a round conductor.
+    fn at_round(&self, scene: &Scene<'_>, node: usize, round: &RoundNear, conductors: &[u16]) -> f64 {
+        let own = round.potential(scene.mesh.nodes[node]);
+        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
+        scene.mesh.edges.for_edges_at(node, |edge, end| {
+            let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
+            if conductors[other] == NO_OBJECT && !self.rule[edge].is_linked() {
+                let potential = round.potential(scene.mesh.nodes[other]);
+                sum += self.weights[edge] * potential;
+                of_weights += self.weights[edge];
+                highest = f64::max(highest, potential);
+            }
+        });
+        sum / own.max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE) - of_weights
     }
 
     /// Σ w (u(Q) - u(P)) / u(P) over edges of a node that end in no conductor.

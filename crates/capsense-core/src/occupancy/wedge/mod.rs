@@ -12,13 +12,18 @@
 //! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. A stick much
 //! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
+//! In front of round conductors, spheres and capsules, u is what falls as surfaces at a distance grow ([`round`]).
+//!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
 mod field;
+mod round;
 mod star;
 
 pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
+pub use round::Round;
+pub(super) use round::RoundNear;
 pub(super) use star::{FAR, grown};
 
 use super::coupling::{Coupling, SMALLEST_PART};
@@ -70,7 +75,24 @@ impl AtWedge {
     }
 }
 
-/// A node near an edge of a conductor, and what its link follows from.
+/// The field near a conductor.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Near {
+    Edge(RightAngle),
+    Round(RoundNear),
+}
+
+impl Near {
+    /// How thick the conductor is, and the middle one of its extents.
+    fn thickness_and_breadth(&self) -> [f64; 2] {
+        match self {
+            Self::Edge(angle) => [angle.thickness, angle.breadth],
+            Self::Round(round) => [round.diameter(); 2],
+        }
+    }
+}
+
+/// A node near an edge of a conductor, or before a round one, and what its link follows from.
 #[derive(Clone, Debug)]
 struct Unlinked {
     node: usize,
@@ -87,7 +109,9 @@ struct Unlinked {
     /// Of the edges to the neighbours that are seen, and how far these are.
     areas: [f64; POINTS],
     distances: [f64; POINTS],
+    /// Of the edge; or, before a round surface, the potentials themselves.
     radius: f64,
+    potentials: Option<[f64; POINTS]>,
 }
 
 /// What all nodes make of edges of conductors.
@@ -229,11 +253,12 @@ impl Scene<'_> {
         if self.mesh.terminals[star.node] != FREE {
             return None;
         }
-        let (object, angle, share) = self.nearest_edge(star.node, star)?;
+        let (object, near, share) = self.nearest(star.node, star)?;
         let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
         let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
         let longest = star.longest();
-        let is_all = share >= 1.0 && angle.thickness >= longest;
+        let [thickness, breadth] = near.thickness_and_breadth();
+        let is_all = share >= 1.0 && thickness >= longest;
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
         let at = AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
@@ -242,21 +267,25 @@ impl Scene<'_> {
             sides: star.sides(),
             at,
             share,
-            of_negative: (angle.breadth / longest - 1.0).clamp(0.0, 1.0),
+            of_negative: (breadth / longest - 1.0).clamp(0.0, 1.0),
             length,
             area,
             places: Places::default(),
             areas: [0.0; POINTS],
             distances: [1.0; POINTS],
-            radius: angle.radius,
+            radius: f64::INFINITY,
+            potentials: None,
         };
-        self.look_around(star, object, &angle, conductors, &mut unlinked);
+        match &near {
+            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, &mut unlinked),
+            Near::Round(round) => self.look_around_round(star, object, round, conductors, &mut unlinked),
+        }
         Some(unlinked)
     }
 
-    /// The edge of a conductor that is nearest to a node, and its share in the node's links.
+    /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links.
     #[inline]
-    pub(super) fn nearest_edge(&self, node: usize, cells: &impl Cells) -> Option<(usize, RightAngle, f64)> {
+    pub(super) fn nearest(&self, node: usize, cells: &impl Cells) -> Option<(usize, Near, f64)> {
         let point = self.mesh.nodes[node];
         let reach = cells.reach();
         let is_alone = self.bounds.len() == 1;
@@ -268,15 +297,24 @@ impl Scene<'_> {
                 continue;
             }
             let near = (found.is_none() && self.is_conductor(object))
-                .then(|| self.surfaces.right_angle_within(object, point, reach))
-                .flatten()
-                .map(|angle| (object, angle, share_of(cells, &angle)));
+                .then(|| self.near(object, point, reach, cells))
+                .flatten();
             match near {
-                Some((.., own)) if own > 0.0 => (found, share) = (near, share.min(own)),
+                Some((near, own)) if own > 0.0 => (found, share) = (Some((object, near)), share.min(own)),
                 _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
             }
         }
-        found.filter(|_| share > 0.0).map(|(object, angle, _)| (object, angle, share))
+        found.filter(|_| share > 0.0).map(|(object, near)| (object, near, share))
+    }
+
+    /// The field near a conductor, and its share if there is nothing else.
+    #[inline]
+    fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
+        if let Some(angle) = self.surfaces.right_angle_within(object, point, reach) {
+            return Some((Near::Edge(angle), share_of(cells, &angle)));
+        }
+        let round = self.surfaces.roundness(object)?;
+        Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
     }
 
     /// Whether the background is the same all around a node.
@@ -300,14 +338,15 @@ impl Scene<'_> {
 
     /// Finds where a node and its neighbours are by a right angle, how far these are, and of the edges that lead to those
     /// which the conductor does not cut off the areas of the dual faces.
-    fn look_around(
+    fn look_around_edge(
         &self,
         star: &Star<'_>,
         object: usize,
         angle: &RightAngle,
         conductors: &[u16],
-        Unlinked { places, areas, distances, .. }: &mut Unlinked,
+        Unlinked { places, areas, distances, radius, .. }: &mut Unlinked,
     ) {
+        *radius = angle.radius;
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
         let [p, q, along] = [angle.normals[0], angle.normals[1], angle.along()];
@@ -325,6 +364,35 @@ impl Scene<'_> {
                 let is_seen = places.see_each_other(0, neighbour)
                     || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
                 if is_seen && usize::from(conductors[node]) != object {
+                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
+                    distances[neighbour] = distance;
+                }
+            }
+        }
+    }
+
+    /// The same for a round surface, with the potentials themselves.
+    fn look_around_round(
+        &self,
+        star: &Star<'_>,
+        object: usize,
+        round: &RoundNear,
+        conductors: &[u16],
+        Unlinked { potentials, areas, distances, .. }: &mut Unlinked,
+    ) {
+        let point = self.mesh.nodes[star.node];
+        let widths = [star.width(0), star.width(1), star.width(2)];
+        let potentials = potentials.insert([0.0; POINTS]);
+        potentials[0] = round.potential(point);
+        for axis in 0..3 {
+            for upwards in [false, true] {
+                let neighbour = 1 + 2 * axis + usize::from(upwards);
+                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
+                let other = self.mesh.nodes[node];
+                if usize::from(conductors[node]) != object
+                    && self.surfaces.span(object, point, other).is_none()
+                {
+                    potentials[neighbour] = round.potential(other);
                     areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
                     distances[neighbour] = distance;
                 }
@@ -400,7 +468,7 @@ impl Unlinked {
     /// Finds the link: Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
     #[inline(always)]
     fn link(&mut self) {
-        let potentials = self.places.potentials(self.radius);
+        let potentials = self.potentials.unwrap_or_else(|| self.places.potentials(self.radius));
         let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
         let mut weights = [0.0; POINTS];
         for (weight, (area, distance)) in weights.iter_mut().zip(self.areas.iter().zip(&self.distances)) {
@@ -432,12 +500,18 @@ pub(super) trait Cells {
 
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
 fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
-    let part = ((FAR - cells.cells_to(angle.place)) / (FAR - NEAR)).min(1.0);
+    let part = part_at(cells, angle.place);
     if part <= 0.0 {
         return 0.0;
     }
     let size = cells.size_along(angle.along());
     let from_ends = (angle.inside / size).clamp(0.0, 1.0);
     let is_straight = (angle.radius / size - 1.0).clamp(0.0, 1.0);
-    part * part * (3.0 - 2.0 * part) * from_ends * is_straight
+    part * from_ends * is_straight
+}
+
+/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
+fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
+    let part = ((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0);
+    part * part * (3.0 - 2.0 * part)
 }
