@@ -31,10 +31,11 @@ static SENSORS: LazyLock<[Sensor; 3]> =
 
 fn shape(dice: &mut Dice) -> Shape {
     let length = |dice: &mut Dice| 0.2 * 10_f64.powf(dice.between(-1.7, 0.0));
-    if dice.below(4) == 0 {
-        Shape::Cylinder { radius: 0.5 * length(dice), length: length(dice) }
-    } else {
-        Shape::Box { size: DVec3::new(length(dice), length(dice), length(dice)) }
+    match dice.below(6) {
+        0 => Shape::Cylinder { radius: 0.5 * length(dice), length: length(dice) },
+        1 => Shape::Capsule { radius: 0.5 * length(dice), length: length(dice) },
+        2 => Shape::Sphere { radius: 0.5 * length(dice) },
+        _ => Shape::Box { size: DVec3::new(length(dice), length(dice), length(dice)) },
     }
 }
 
