@@ -17,6 +17,7 @@
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
 mod field;
+mod link;
 mod round;
 mod star;
 
@@ -26,13 +27,14 @@ pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use star::{FAR, grown};
 
-use super::coupling::{Coupling, SMALLEST_PART};
+use super::coupling::Coupling;
 use super::index_set::IndexSet;
 use super::{NO_OBJECT, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
 use glam::DVec3;
+use link::{FindLinks, Unlinked};
 use star::{Star, Stars};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
@@ -90,28 +92,6 @@ impl Near {
             Self::Round(round) => [round.diameter(); 2],
         }
     }
-}
-
-/// A node near an edge of a conductor, or before a round one, and what its link follows from.
-#[derive(Clone, Debug)]
-struct Unlinked {
-    node: usize,
-    /// Which of its edges exist.
-    sides: u8,
-    at: AtWedge,
-    share: f64,
-    /// How much of a negative link is left: the less, the narrower the conductor is than edges are long.
-    of_negative: f64,
-    /// Of the edge that carries the link, the length and the area of the dual face.
-    length: f64,
-    area: f64,
-    places: Places,
-    /// Of the edges to the neighbours that are seen, and how far these are.
-    areas: [f64; POINTS],
-    distances: [f64; POINTS],
-    /// Of the edge; or, before a round surface, the potentials themselves.
-    radius: f64,
-    potentials: Option<[f64; POINTS]>,
 }
 
 /// What all nodes make of edges of conductors.
@@ -181,7 +161,7 @@ impl Wedges {
 
     /// Finds the links that are missing.
     fn link(&mut self) {
-        pulp::Arch::new().dispatch(Together(&mut self.unlinked));
+        pulp::Arch::new().dispatch(FindLinks(&mut self.unlinked));
         let mut unlinked = std::mem::take(&mut self.unlinked);
         for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
             self.settle(node, sides, at);
@@ -446,43 +426,6 @@ impl Scene<'_> {
         place.set(0, angle.coordinates(to));
         let [other] = place.potentials(angle.radius);
         other / potential - 1.0
-    }
-}
-
-/// Nodes whose links are found with the widest instructions of this machine; none of them fuses or reorders operations, so
-/// that links are the same on every machine. A closure in its place is not compiled for them.
-struct Together<'a>(&'a mut [Unlinked]);
-
-impl pulp::NullaryFnOnce for Together<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        for unlinked in self.0 {
-            unlinked.link();
-        }
-    }
-}
-
-impl Unlinked {
-    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
-    #[inline(always)]
-    fn link(&mut self) {
-        let potentials = self.potentials.unwrap_or_else(|| self.places.potentials(self.radius));
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        let mut weights = [0.0; POINTS];
-        for (weight, (area, distance)) in weights.iter_mut().zip(self.areas.iter().zip(&self.distances)) {
-            *weight = area / distance;
-        }
-        for (weight, potential) in weights.into_iter().zip(potentials) {
-            sum += weight * potential;
-            of_weights += weight;
-            highest = f64::max(highest, potential);
-        }
-        self.at.potential = potentials[0].max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE);
-        let link = sum / self.at.potential - of_weights;
-        let link = if link < 0.0 { self.of_negative * link } else { link };
-        self.at.link = self.share * link * self.length / self.area;
     }
 }
 
