@@ -6,7 +6,7 @@
 use super::coarsening::{Across, add_lost, divide_value, divide_weights, put_in_series};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
-use super::rows::copy;
+use super::rows::{copy, single};
 use super::shares::Shares;
 use super::stage::Stage;
 use pulp::{Simd, WithSimd};
@@ -180,7 +180,7 @@ impl Stage {
         copy::<S>(&mut x[here.clone()], &fine.next[0][own..own + n]);
         copy::<S>(&mut y[here.clone()], &fine.next[1][own..own + n]);
         copy::<S>(&mut z[here.clone()], &fine.next[2][own..own + n]);
-        copy::<S>(leak, &fine.leak[own..own + n]);
+        copy_leaks(simd, leak, &fine.leak[own..own + n]);
         // Across y, that is along z and x; across z, along x and y.
         let (series, across, others) = if self.axis == 1 {
             (y, [&mut z[here.clone()], &mut x[here.clone()]], [2, 0])
@@ -232,7 +232,7 @@ impl Stage {
         for ((to, behind), from) in next.iter_mut().zip(&mut behind.next).zip(&fine.next) {
             pick_pairs(to, behind, &from[own..], planes, &wider);
         }
-        pick(leak, &fine.leak[own..], planes, nodes);
+        pick_leaks(leak, &fine.leak[own..], planes, nodes);
         let [_, row, plane] = fine.strides;
         let [along_y, along_z] = &mut behind.previous;
         pick(along_y, &fine.next[1][own + 1 - row..], planes, &wider);
@@ -310,6 +310,22 @@ fn weights_across(fine: &Network, axes: [usize; 2], place: usize, n: usize) -> [
         [&first[before_first..before_first + n], &first[place..place + n]],
         [&second[before_second..before_second + n], &second[place..place + n]],
     ]
+}
+
+/// Copies leaks. Those below zero, which links to edges of conductors may be, are so little that a preconditioner does not
+/// feel them; but on a coarse level they could outweigh what else a node has.
+#[inline(always)]
+fn copy_leaks<S: Simd>(simd: S, to: &mut [f32], leaks: &[f32]) {
+    for (to, leak) in S::as_mut_simd_f32s(to).0.iter_mut().zip(single::<S>(leaks)) {
+        *to = simd.max_f32s(*leak, simd.splat_f32s(0.0));
+    }
+}
+
+/// Picks the leaks of the coarse nodes of a fine row, as [`copy_leaks`] would.
+#[inline(always)]
+fn pick_leaks(to: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
+    pick(to, row, planes, nodes);
+    to[BLOCK + nodes.start..BLOCK + nodes.end].iter_mut().for_each(|leak| *leak = leak.max(0.0));
 }
 
 /// Picks the coarse nodes of a fine row, or, of one that begins later, those behind them.

@@ -54,11 +54,13 @@ pub(super) fn divide_value<S: Simd>(
     let (next, exists) = (&mut next[..n], &single::<S>(exists)[..n]);
     let (before, after) = (&single::<S>(before)[..n], &single::<S>(after)[..n]);
     let leak = &single::<S>(leak)[..n];
-    // Keeps 0 / 0 away. An infinite leak leaves nothing to the neighbours.
-    let least = simd.splat_f32s(f32::MIN_POSITIVE);
-    let mut difference = simd.splat_f32s(0.0);
+    // Keeps 0 / 0 away. An infinite leak leaves nothing to the neighbours, and one below zero would leave them more than
+    // there is.
+    let (least, zero) = (simd.splat_f32s(f32::MIN_POSITIVE), simd.splat_f32s(0.0));
+    let mut difference = zero;
     for i in 0..n {
-        let sum = simd.add_f32s(simd.add_f32s(before[i], after[i]), leak[i]);
+        let leak = simd.max_f32s(leak[i], zero);
+        let sum = simd.add_f32s(simd.add_f32s(before[i], after[i]), leak);
         let scale = simd.div_f32s(exists[i], simd.max_f32s(sum, least));
         let (new_previous, new_next) = (simd.mul_f32s(before[i], scale), simd.mul_f32s(after[i], scale));
         let of_previous = simd.abs_f32s(simd.sub_f32s(new_previous, previous[i]));

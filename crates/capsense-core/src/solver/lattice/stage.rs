@@ -231,6 +231,28 @@ mod tests {
         }
     }
 
+    /// Links to edges of conductors may be below zero: eliminated nodes never take more than there is, and coarse nodes leak.
+    #[test]
+    fn links_below_zero_do_not_outweigh_neighbours() {
+        let layout = Layout::new(COUNTS, [0, 0]);
+        let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
+        for (axis, planes) in COUNTS.into_iter().enumerate() {
+            let kept: Vec<bool> = (0..planes).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+            let (mut fine, mut noise) = (contrasts(), noise());
+            for &node in &all {
+                let at = fine.index(node);
+                fine.leak[at] = [-2.0, -3.0, 0.0, 1.0][noise(4)];
+            }
+            let mut stage = Stage::new(COUNTS, axis, &kept, &layout, 1);
+            refresh(&mut stage, &fine, &all);
+            let shares = stage.previous.values.iter().zip(&stage.next.values);
+            assert!(
+                shares.into_iter().all(|(previous, next)| (0.0..=1.000_001).contains(&(previous + next)))
+            );
+            assert!(stage.coarse().0.leak.iter().all(|leak| (0.0..1e7).contains(leak)), "{axis}");
+        }
+    }
+
     /// Weights without any pattern, some of them much larger than others, and nothing that leads to fixed potentials.
     fn contrasts() -> Network {
         let (layout, mut noise) = (Layout::new(COUNTS, [0, 0]), noise());
