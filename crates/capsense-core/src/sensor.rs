@@ -2,6 +2,7 @@
 
 mod design;
 mod error;
+mod grading;
 mod rim;
 
 pub use design::{SensorDesign, Substrate};

@@ -204,6 +204,14 @@ impl Outline {
         }
     }
 
+    /// How far one comes along x and y, there and back, on the way round the outline, in metres.
+    pub(crate) fn rim_along_axes(&self) -> DVec2 {
+        match self {
+            Self::Disk { radius, .. } => DVec2::splat(4.0 * radius),
+            _ => self.sides().map(|[p, q]| (q - p).abs()).sum(),
+        }
+    }
+
     fn corners_of_bounds(&self) -> [DVec2; 4] {
         let [low, high] = self.bounds();
         [low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]

@@ -139,9 +139,6 @@ const KUHN_PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1],
 /// Coordinates from `low` to `high` that are `finest` apart in the fine intervals and at `planes`, and whose spacing
 /// grows by about `growth - 1` times the distance from the nearest of these. All of `planes` and the ends of the fine
 /// intervals are among the coordinates.
-///
-/// The wanted spacing is s(x) = finest + (growth - 1)·d(x); between two fixed coordinates the others are placed so
-/// that each step takes the same share of ∫ dx/s(x).
 pub fn graded_axis(
     low: f64,
     high: f64,
@@ -149,6 +146,24 @@ pub fn graded_axis(
     fine: &[[f64; 2]],
     finest: f64,
     growth: f64,
+) -> Vec<f64> {
+    let spacing = |_, distance: f64| finest + (growth - 1.0) * distance;
+    spaced_axis(low, high, planes, fine, f64::INFINITY, spacing)
+}
+
+/// Coordinates from `low` to `high` whose spacing follows a function of the place and of its distance from the nearest of
+/// `planes` and of the fine intervals. All of `planes` and the ends of the fine intervals are among the coordinates.
+///
+/// Between two fixed coordinates the others are placed so that each step takes the same share of ∫ dx/s(x). There are as
+/// many as that asks for, and up to twice as many where cells on both sides of a fixed one would differ by more than a
+/// factor of `unequal`.
+pub(crate) fn spaced_axis(
+    low: f64,
+    high: f64,
+    planes: &[f64],
+    fine: &[[f64; 2]],
+    unequal: f64,
+    spacing: impl Fn(f64, f64) -> f64,
 ) -> Vec<f64> {
     let mut fixed: Vec<f64> = planes
         .iter()
@@ -163,35 +178,69 @@ pub fn graded_axis(
     let distance = |x: f64| {
         let to_planes = planes.iter().map(|&p| (x - p).abs());
         let to_fine = fine.iter().map(|&[a, b]| (a - x).max(x - b).max(0.0));
-        to_planes.chain(to_fine).fold(f64::INFINITY, f64::min)
+        to_planes.chain(to_fine).fold(high - low, f64::min)
     };
-    let density = |x: f64| 1.0 / (finest + (growth - 1.0) * distance(x).min(high - low));
-    let mut axis = vec![fixed[0]];
-    for pair in fixed.windows(2) {
-        place_between(pair[0], pair[1], &density, &mut axis);
+    let density = |x: f64| 1.0 / spacing(x, distance(x));
+    let mut spans: Vec<Span> = fixed.windows(2).map(|pair| Span::new(pair[0], pair[1], &density)).collect();
+    while let Some(coarser) = uneven(&spans, unequal) {
+        spans[coarser].cells += 1;
     }
-    axis
+    let inner = spans.iter().flat_map(|span| (1..=span.cells).map(|cell| span.end_of(cell)));
+    std::iter::once(fixed[0]).chain(inner).collect()
 }
 
-/// Appends coordinates after `a` up to and including `b`, each step taking an equal share of the density's integral.
-fn place_between(a: f64, b: f64, density: &impl Fn(f64) -> f64, axis: &mut Vec<f64>) {
-    const SAMPLES: usize = 512;
-    let step = (b - a) / SAMPLES as f64;
-    let mut cumulative = vec![0.0];
-    for sample in 0..SAMPLES {
-        let middle = a + (sample as f64 + 0.5) * step;
-        cumulative.push(cumulative[sample] + density(middle) * step);
-    }
-    let total = cumulative[SAMPLES];
-    let count = (total - 1e-6).ceil().max(1.0) as usize;
-    let mut sample = 0;
-    for k in 1..count {
-        let target = total * k as f64 / count as f64;
-        while cumulative[sample + 1] < target {
-            sample += 1;
+/// The span with the larger of two cells that meet at a fixed coordinate and differ by more than a factor of `unequal`.
+fn uneven(spans: &[Span], unequal: f64) -> Option<usize> {
+    (1..spans.len()).find_map(|span| {
+        let (before, after) = (spans[span - 1].last_cell(), spans[span].first_cell());
+        let larger = if before > after { span - 1 } else { span };
+        let differ = before.max(after) > unequal * before.min(after);
+        (differ && spans[larger].cells < spans[larger].most).then_some(larger)
+    })
+}
+
+/// What lies between two fixed coordinates.
+struct Span {
+    start: f64,
+    end: f64,
+    step: f64,
+    /// ∫ dx/s(x) up to each of some equal steps.
+    cumulative: Vec<f64>,
+    cells: usize,
+    most: usize,
+}
+
+impl Span {
+    fn new(start: f64, end: f64, density: &impl Fn(f64) -> f64) -> Self {
+        const SAMPLES: usize = 512;
+        let step = (end - start) / SAMPLES as f64;
+        let mut cumulative = vec![0.0];
+        for sample in 0..SAMPLES {
+            let middle = start + (sample as f64 + 0.5) * step;
+            cumulative.push(cumulative[sample] + density(middle) * step);
         }
-        let part = (target - cumulative[sample]) / (cumulative[sample + 1] - cumulative[sample]);
-        axis.push(a + (sample as f64 + part) * step);
+        let cells = (cumulative[SAMPLES] - 1e-6).ceil().max(1.0) as usize;
+        Self { start, end, step, cumulative, cells, most: 2 * cells }
     }
-    axis.push(b);
+
+    /// Where a cell ends; they are numbered from one.
+    fn end_of(&self, cell: usize) -> f64 {
+        let last = self.cumulative.len() - 1;
+        if cell == self.cells {
+            return self.end;
+        }
+        let target = self.cumulative[last] * cell as f64 / self.cells as f64;
+        let sample = self.cumulative.partition_point(|&sum| sum < target).clamp(1, last) - 1;
+        let part =
+            (target - self.cumulative[sample]) / (self.cumulative[sample + 1] - self.cumulative[sample]);
+        self.start + (sample as f64 + part) * self.step
+    }
+
+    fn first_cell(&self) -> f64 {
+        self.end_of(1) - self.start
+    }
+
+    fn last_cell(&self) -> f64 {
+        self.end_of(self.cells) - if self.cells > 1 { self.end_of(self.cells - 1) } else { self.start }
+    }
 }

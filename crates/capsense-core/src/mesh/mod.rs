@@ -10,6 +10,7 @@ mod quality;
 pub use background::Background;
 pub use edges::{EdgeList, Edges};
 pub use gradients::barycentric_gradients;
+pub(crate) use lattice::spaced_axis;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use quality::MeshQuality;
 

@@ -1,25 +1,23 @@
 //! What a sensor is meant to be, before it has a mesh: its electrodes, the board below them, and the lattices that suit
 //! them.
 
+use super::grading::Grading;
 use super::{FREE, IN_PLANE, SensorError};
 use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
-use crate::mesh::{InvalidAxis, Lattice, graded_axis};
+use crate::mesh::{InvalidAxis, Lattice, spaced_axis};
 use glam::{DVec2, DVec3};
-
-/// By how much more than one the spacing of a lattice of so many tetrahedra grows from cell to cell, away from electrodes.
-///
-/// Too little leaves the electrodes coarse, too much leaves what is far from them coarse. For three stripes in a cube, both
-/// errors were about equal, over the bodies of `examples/accuracy`, at 0.6 with 10,000 tetrahedra, 0.5 with 30,000, 0.36
-/// with 130,000, 0.23 with 800,000 and 0.16 with 3,000,000, in scans that are not kept: a fourth root.
-fn growth_above_one(tets: usize) -> f64 {
-    (6.8 / (tets as f64).powf(0.25)).min(0.6)
-}
 
 /// Bisections of the lattice spacing: to 1e-6 of it. The count jumps there, and closer to the jump rounding would give
 /// mirrored intervals different numbers of cells.
 const SPACING_STEPS: usize = 24;
+
+/// Heights of layers that are tried, in relation to what usually is best; the first is the most.
+const HEIGHTS: [f64; 7] = [1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
+
+/// What unusual heights cost.
+const UNUSUAL: f64 = 1.5;
 
 /// The board below the electrodes: its top is the plane z = 0, its centre the sensor's axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,27 +111,45 @@ impl SensorDesign {
     pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
         self.validate()?;
         let extent = self.domain.size().max_element();
-        let growth = 1.0 + growth_above_one(max_tets);
-        let build = |finest: f64| self.lattice_of_spacing(finest, growth);
-        let coarsest = build(extent)?;
+        let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
+        let grading = |finest: f64, height: f64| Grading::for_workspace(finest, height, max_tets, rims);
+        let coarsest = self.graded_lattice(grading(extent, HEIGHTS[0]))?;
         if coarsest.tet_count() > max_tets {
             return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
         }
+        // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers.
+        let mut best = (f64::INFINITY, coarsest);
+        for height in HEIGHTS {
+            let (finest, lattice) = self.finest_lattice(max_tets, |finest| grading(finest, height))?;
+            // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
+            let coarseness = finest * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
+            if coarseness < best.0 {
+                best = (coarseness, lattice);
+            }
+        }
+        Ok(best.1)
+    }
+
+    /// The lattice of the finest spacing that has no more tetrahedra, and this spacing; the coarsest if that has more.
+    fn finest_lattice(
+        &self,
+        max_tets: usize,
+        grading: impl Fn(f64) -> Grading,
+    ) -> Result<(f64, Lattice), SensorError> {
+        let extent = self.domain.size().max_element();
         // The count falls with the spacing (but for rounding): bisect on the logarithm of the spacing.
-        let (mut fits, mut exceeds, mut best) = (extent, 1e-5 * extent, coarsest);
+        let (mut fits, mut exceeds) = (extent, 1e-5 * extent);
+        let mut best = self.graded_lattice(grading(extent))?;
         for _ in 0..SPACING_STEPS {
             let middle = (fits * exceeds).sqrt();
-            let lattice = build(middle)?;
+            let lattice = self.graded_lattice(grading(middle))?;
             if lattice.tet_count() <= max_tets {
-                fits = middle;
-                if lattice.tet_count() > best.tet_count() {
-                    best = lattice;
-                }
+                (fits, best) = (middle, lattice);
             } else {
                 exceeds = middle;
             }
         }
-        Ok(best)
+        Ok((fits, best))
     }
 
     /// The graded lattice whose spacing at the electrodes is `finest` metres, and away from them grows by a factor from
@@ -145,6 +161,10 @@ impl SensorDesign {
         if !(finest > 0.0 && growth >= 1.0 && growth.is_finite()) {
             return Err(InvalidAxis { axis: 0 }.into());
         }
+        self.graded_lattice(Grading::even(finest, growth - 1.0))
+    }
+
+    fn graded_lattice(&self, grading: Grading) -> Result<Lattice, SensorError> {
         let board = self.substrate.map(|board| board.bounds());
         let mut axes = [const { Vec::new() }; 3];
         for (axis, coordinates) in axes.iter_mut().enumerate() {
@@ -158,8 +178,12 @@ impl SensorDesign {
                     fine.extend(electrode.outline.fine_intervals(axis));
                 }
             }
+            let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
+            let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
+            let spacing =
+                |place: f64, distance: f64| grading.spacing(axis, &self.domain, ends, place, distance);
             let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
-            *coordinates = graded_axis(low, high, &planes, &fine, finest, growth);
+            *coordinates = spaced_axis(low, high, &planes, &fine, grading.unequal(axis), spacing);
         }
         Ok(Lattice::new(axes)?)
     }

@@ -1,0 +1,97 @@
+//! How far lattice planes should be from each other: close at electrodes, and no farther where bodies move than these need.
+//!
+//! What a lattice gets wrong is what its electrodes make wrong of C, and what it makes wrong of the bodies. Both are little
+//! only where spacing grows slowly from the electrodes up, through the room in which bodies move, the workspace, and faster
+//! elsewhere.
+
+use crate::geometry::Aabb;
+use glam::DVec2;
+
+/// Spacing along the three axes, in metres, as a function of the place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grading {
+    /// At electrode edges, along x and y.
+    finest: [f64; 2],
+    /// At electrode planes.
+    across: f64,
+    /// Growth per metre between electrode edges, beside electrodes, below them, above them, and beyond the workspace.
+    between: f64,
+    beside: f64,
+    below: f64,
+    above: f64,
+    beyond: f64,
+    /// What spacing above electrodes does not exceed in the workspace, in parts of its height.
+    ceiling: f64,
+    /// By which factor cells on both sides of an electrode's edge may differ: rims want them alike.
+    unequal: f64,
+}
+
+impl Grading {
+    /// The same growth everywhere: by a factor of `1 + growth` from cell to cell.
+    pub(super) fn even(finest: f64, growth: f64) -> Self {
+        Self {
+            finest: [finest; 2],
+            across: finest,
+            between: growth,
+            beside: growth,
+            below: growth,
+            above: growth,
+            beyond: 0.0,
+            ceiling: f64::INFINITY,
+            unequal: f64::INFINITY,
+        }
+    }
+
+    /// What leaves the least errors with so many tetrahedra, of changes of C by grounded and floating bodies all over the
+    /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. `along` is how long the
+    /// rims of all electrodes are along x and y: across the longer ones it pays to be finer. Layers are
+    /// `height` times as high as usual.
+    pub(super) fn for_workspace(finest: f64, height: f64, tets: usize, along: DVec2) -> Self {
+        let fewer = 30_000.0 / tets as f64;
+        let part = fewer.powf(0.25).min(1.3);
+        let unequal = (along.x / along.y).powf(0.09).clamp(0.75, 1.33);
+        Self {
+            finest: [finest * unequal, finest / unequal],
+            across: 0.56 * height * finest * part.max(1.0).powi(2),
+            between: 0.27 * part,
+            beside: 0.6 * fewer.cbrt().min(1.3),
+            below: 0.4 * height * part,
+            above: 0.21 * height * fewer.powf(0.2),
+            beyond: 0.15,
+            ceiling: 0.165 * height * fewer.powf(0.3),
+            unequal: 1.4 * part.max(1.0).powi(2),
+        }
+    }
+
+    /// By which factor cells on both sides of a fixed place may differ in size. Boards are thin, so it is any at their faces.
+    pub(super) fn unequal(&self, axis: usize) -> f64 {
+        if axis < 2 { self.unequal } else { f64::INFINITY }
+    }
+
+    /// Spacing along one axis of a domain at a place that is so far from the nearest of the `planes` that are fixed, first and last
+    /// of which are given.
+    pub(super) fn spacing(
+        &self,
+        axis: usize,
+        domain: &Aabb,
+        [first, last]: [f64; 2],
+        place: f64,
+        distance: f64,
+    ) -> f64 {
+        // The workspace ends half way to the walls.
+        let outside =
+            distance - 0.5 * if place < first { first - domain.min[axis] } else { domain.max[axis] - last };
+        let beyond = self.beyond * outside.max(0.0);
+        let least = if axis == 2 { self.across } else { self.finest[axis] };
+        if (first..=last).contains(&place) {
+            least + self.between * distance
+        } else if axis < 2 {
+            least + self.beside * distance + beyond
+        } else if place < first {
+            least + self.below * distance
+        } else {
+            let ceiling = self.ceiling * 0.5 * (domain.max.z - last);
+            (least + self.above * distance).min(ceiling) + beyond
+        }
+    }
+}
