@@ -107,7 +107,7 @@ fn a_grounded_sphere_over_a_plane() {
             -VACUUM_PERMITTIVITY * space.solve(&[held]).charge(0, 0) / exact - 1.0
         })
     };
-    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::AsSolids));
     println!("over a plane: edges alone {}, solids {}", percent(&edges), percent(&solids));
     assert_order(&edges, &CELLS, 1.5);
     assert_below(&edges, &[9e-3, 3.5e-3, 2e-3]);
@@ -137,7 +137,7 @@ fn two_spheres_grounded_and_floating() {
             [c(0, 0) / own - 1.0, c(0, 1) / mutual - 1.0, floating / exact - 1.0]
         })
     };
-    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+    let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::AsSolids));
     for (of, name) in ["own", "mutual", "beside a floating one"].into_iter().enumerate() {
         let column = |errors: [[f64; 3]; 3]| errors.map(|error| error[of]);
         let (edges, solids) = (column(edges), column(solids));
@@ -171,7 +171,7 @@ fn a_sphere_in_a_grounded_cube() {
                 c / (4.0 * PI * exact) - 1.0
             })
         };
-        let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::Silhouettes));
+        let (edges, solids) = (errors(Rule::EdgesAlone), errors(Rule::AsSolids));
         println!("radius {radius} in a cube: edges alone {}, solids {}", percent(&edges), percent(&solids));
         assert_order(&edges, &cells.map(|cells| cells as f64), 1.5);
         assert_below(&edges, &allowed);

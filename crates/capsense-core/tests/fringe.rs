@@ -95,8 +95,8 @@ impl Wedge {
         let centre = DVec3::new(self.vertex.x - 0.5 * size, 0.5, self.vertex.y + 0.5 * size);
         let size = DVec3::splat(size);
         let (shape, rule) = match model {
-            Model::Box => (Shape::Box { size }, Rule::Silhouettes),
-            Model::Triangles => (box_mesh(size), Rule::Silhouettes),
+            Model::Box => (Shape::Box { size }, Rule::AsSolids),
+            Model::Triangles => (box_mesh(size), Rule::AsSolids),
             Model::EdgesAlone => (Shape::Box { size }, Rule::EdgesAlone),
         };
         let body = Body { shape, pose: Pose::at(centre), material: conductor(Connection::Grounded) };

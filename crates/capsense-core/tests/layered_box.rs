@@ -128,7 +128,7 @@ fn lattice(finest: f64) -> Lattice {
 fn on_lattice(lattice: &Lattice, layer: Option<Layer>) -> [f64; 2] {
     let bodies: Vec<Body> = layer.into_iter().map(body).collect();
     let none = vec![0.0; bodies.len()];
-    let space = WalledBox::new(lattice, &bodies, Rule::Silhouettes);
+    let space = WalledBox::new(lattice, &bodies, Rule::AsSolids);
     let solved = space.solve(&[
         Held { wall: &|p| patch(0, p), bodies: &none },
         Held { wall: &|p| patch(1, p), bodies: &none },

@@ -32,7 +32,7 @@ fn errors(permittivity: f64, degrees: f64, cells: usize) -> Vec<f64> {
             pose: Pose { translation, rotation },
             material: dielectric(permittivity),
         };
-        let space = WalledBox::new(&lattice, &[body], Rule::Silhouettes);
+        let space = WalledBox::new(&lattice, &[body], Rule::AsSolids);
         let solved = space.solve(&[Held { wall: &|p| along.dot(p), bodies: &[0.0] }]);
         let volume = THICKNESS / degrees.to_radians().cos();
         (solved.energy(0, 0) - 1.0) / ((permittivity - 1.0) * volume) - 1.0

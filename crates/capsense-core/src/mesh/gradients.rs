@@ -21,12 +21,14 @@ pub(crate) struct EdgeShare {
 }
 
 impl EdgeShare {
-    /// Those of all six edges.
+    /// The corners that the edges of an element join.
+    pub(crate) const CORNERS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
+    /// Those of all six edges, in the order of [`Self::CORNERS`].
     pub(crate) fn of_element(corners: [DVec3; 4]) -> impl Iterator<Item = Self> + Clone {
-        const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let volume = signed_volume(corners);
         let gradients = barycentric_gradients(corners);
-        EDGES.into_iter().map(move |[i, j]| Self {
+        Self::CORNERS.into_iter().map(move |[i, j]| Self {
             corners: [i, j],
             weight: -volume * gradients[i].dot(gradients[j]),
             magnitude: volume * gradients[i].length() * gradients[j].length(),

@@ -1,7 +1,7 @@
 //! Where the answers of surfaces may differ from those of the frame before.
 
 use super::comparison::Comparison;
-use super::{DepthLayers, EdgeGeometry, Surfaces, wedge};
+use super::{DepthLayers, EdgeGeometry, Surfaces, near_field};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use glam::DAffine3;
@@ -152,7 +152,7 @@ impl Changes {
 
 /// What is near to two objects. What a node makes of an edge of one object depends on where the other is.
 fn near_both(mesh: &EdgeGeometry<'_>, a: &Aabb, b: &Aabb) -> Option<Aabb> {
-    let [a, b] = [wedge::grown(mesh.edges, a), wedge::grown(mesh.edges, b)];
+    let [a, b] = [near_field::grown(mesh.edges, a), near_field::grown(mesh.edges, b)];
     a.intersects(&b).then(|| Aabb { min: a.min.max(b.min), max: a.max.min(b.max) })
 }
 

@@ -120,9 +120,9 @@ impl Tables {
     }
 }
 
-/// The numbers of an element's six edges, in the order of [`EdgeShare::of_element`].
+/// The numbers of an element's six edges, in the order of [`EdgeShare::CORNERS`].
 pub(super) fn edges_of(tet: [u32; 4], edges: &Edges) -> [u32; 6] {
-    [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]].map(|[i, j]| {
+    EdgeShare::CORNERS.map(|[i, j]| {
         let wanted = [tet[i].min(tet[j]), tet[i].max(tet[j])];
         let mut found = NO_EDGE;
         edges.for_edges_at(wanted[0] as usize, |edge, end| {

@@ -1,4 +1,4 @@
-//! Numbers of nodes or edges, collected in any order and met in increasing order, each once.
+//! Numbers of nodes or edges, collected in any order and each met once: in increasing order, or as they were collected.
 
 use std::ops::Range;
 
@@ -62,6 +62,35 @@ impl IndexSet {
                 bits &= bits - 1;
             }
         }
+    }
+}
+
+/// Numbers below a bound, in the order in which they were added. For few of many.
+#[derive(Clone, Debug)]
+pub(crate) struct IndexList {
+    numbers: Vec<u32>,
+    contains: Vec<bool>,
+}
+
+impl IndexList {
+    /// An empty list of numbers below a bound.
+    pub(crate) fn below(bound: usize) -> Self {
+        Self { numbers: Vec::new(), contains: vec![false; bound] }
+    }
+
+    /// Adds a number that is not there yet.
+    pub(crate) fn insert(&mut self, number: usize) {
+        if !std::mem::replace(&mut self.contains[number], true) {
+            self.numbers.push(number as u32);
+        }
+    }
+
+    pub(crate) fn numbers(&self) -> &[u32] {
+        &self.numbers
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.numbers.drain(..).for_each(|number| self.contains[number as usize] = false);
     }
 }
 

@@ -13,19 +13,20 @@ mod elements;
 mod fraction;
 mod index_set;
 mod interface;
+mod near_field;
 mod parallel;
 mod silhouette;
 mod sorted;
 mod surfaces;
 mod unstructured;
-mod wedge;
 
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
+pub(crate) use index_set::IndexList;
 pub use interface::Interface;
+pub use near_field::{RightAngle, Round};
 pub use surfaces::{Span, Surfaces};
-pub use wedge::{RightAngle, Round};
 
 use crate::geometry::Aabb;
 use crate::material::Material;
@@ -36,9 +37,9 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
+use near_field::Wedges;
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
-use wedge::Wedges;
 
 /// The nodes and edges that objects are to be found on.
 #[derive(Clone, Copy, Debug)]

@@ -13,7 +13,7 @@
 //! At its own edges a conductor collects more than the part of a box that meets it would: the field there grows with
 //! r^(-1/3) at a right angle. So it is taken to reach further by [`FRINGE`].
 //!
-//! Boxes and cylinders tell where their edges are, and within cells smaller than themselves [`super::wedge`] does better.
+//! Boxes and cylinders tell where their edges are, and within cells smaller than themselves [`super::near_field`] does better.
 //! This is for triangle meshes, for thin bodies, and where edges end.
 //!
 //! All this is for walls along the edge, which end a face abruptly. Where a face merely slants or bends, the edge rule by

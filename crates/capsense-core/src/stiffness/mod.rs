@@ -14,7 +14,7 @@ mod rim;
 pub use network::{EdgeNetwork, barycentric_gradients};
 
 use crate::mesh::Edges;
-use crate::occupancy::Occupancy;
+use crate::occupancy::{IndexList, Occupancy};
 use csr::CsrValues;
 use lattice::LatticeValues;
 use nalgebra_sparse::CsrMatrix;
@@ -38,32 +38,9 @@ pub struct StiffnessMatrix {
     /// Sum of the weights of each node's links.
     link_sums: Vec<f64>,
     /// Nodes whose links are to be summed up anew.
-    relinked: NodeSet,
+    relinked: IndexList,
     /// Nodes in whose rows the last update changed values.
-    changed_rows: NodeSet,
-}
-
-/// Some nodes, in the order in which they were added.
-#[derive(Clone, Debug)]
-struct NodeSet {
-    nodes: Vec<u32>,
-    contains: Vec<bool>,
-}
-
-impl NodeSet {
-    fn empty(nodes: usize) -> Self {
-        Self { nodes: Vec::new(), contains: vec![false; nodes] }
-    }
-
-    fn insert(&mut self, node: u32) {
-        if !std::mem::replace(&mut self.contains[node as usize], true) {
-            self.nodes.push(node);
-        }
-    }
-
-    fn clear(&mut self) {
-        self.nodes.drain(..).for_each(|node| self.contains[node as usize] = false);
-    }
+    changed_rows: IndexList,
 }
 
 /// The current weights, stored as the mesh allows.
@@ -107,10 +84,10 @@ impl StiffnessMatrix {
             values,
             links: Vec::new(),
             link_sums: vec![0.0; nodes],
-            relinked: NodeSet::empty(nodes),
-            changed_rows: NodeSet::empty(nodes),
+            relinked: IndexList::below(nodes),
+            changed_rows: IndexList::below(nodes),
         };
-        (0..nodes as u32).for_each(|node| matrix.changed_rows.insert(node));
+        (0..nodes).for_each(|node| matrix.changed_rows.insert(node));
         for link in matrix.rim.links() {
             matrix.link_sums[link.node as usize] += link.weight;
         }
@@ -134,11 +111,11 @@ impl StiffnessMatrix {
                 let now = couplings[edge];
                 for (end, node) in ends.into_iter().enumerate() {
                     if now.factor[end] != 0.0 || self.link_sums[node as usize] != 0.0 {
-                        self.relinked.insert(node);
+                        self.relinked.insert(node as usize);
                     }
                     // A link may lead to another object and weigh the same.
                     if now.object[end] != before.object[end] {
-                        self.changed_rows.insert(node);
+                        self.changed_rows.insert(node as usize);
                     }
                 }
             }
@@ -162,7 +139,7 @@ impl StiffnessMatrix {
             Values::Lattice(values) => values.set_weight(edge, weight),
             Values::Csr(values) => values.set_weight(edge, weight),
         }
-        ends.into_iter().for_each(|node| self.changed_rows.insert(node));
+        ends.into_iter().for_each(|node| self.changed_rows.insert(node as usize));
     }
 
     /// Sums up the links at nodes anew, always in the same order.
@@ -170,7 +147,7 @@ impl StiffnessMatrix {
         let (edges, weights) = (self.network.edges(), self.network.weights());
         let couplings = occupancy.couplings();
         let scales_negative = occupancy.scales_negative_weights();
-        for &node in &self.relinked.nodes {
+        for &node in self.relinked.numbers() {
             let mut sum = self.rim.update(node, &self.network, occupancy);
             edges.for_edges_at(node as usize, |edge, end| {
                 if weights[edge] > 0.0 || scales_negative {
@@ -179,7 +156,7 @@ impl StiffnessMatrix {
             });
             if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
                 self.link_sums[node as usize] = sum;
-                self.changed_rows.insert(node);
+                self.changed_rows.insert(node as usize);
             }
         }
         self.relinked.clear();
@@ -212,7 +189,7 @@ impl StiffnessMatrix {
 
     fn refresh_diagonal(&mut self) {
         if let Values::Csr(values) = &mut self.values {
-            for &row in &self.changed_rows.nodes {
+            for &row in self.changed_rows.numbers() {
                 values.refresh_diagonal(row as usize, self.link_sums[row as usize]);
             }
         }
@@ -305,7 +282,7 @@ impl StiffnessMatrix {
 
     /// Nodes whose rows hold other values since the last update, on the diagonal or beside it; all of a new matrix.
     pub fn changed_rows(&self) -> &[u32] {
-        &self.changed_rows.nodes
+        self.changed_rows.numbers()
     }
 
     /// y = K x, all columns at once, and the columns' energies xᵀKx.

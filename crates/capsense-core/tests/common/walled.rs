@@ -31,8 +31,8 @@ pub struct Held<'a> {
 pub enum Rule {
     /// As on any other mesh, or seen by a camera.
     EdgesAlone,
-    /// Conductors may cover a part of an edge's dual face, as solids do on a lattice.
-    Silhouettes,
+    /// All that solids tell counts: where their edges are, how they are rounded, what they cover beside edges of the lattice.
+    AsSolids,
 }
 
 /// Solids of which no more is asked than of a depth camera: edges alone tell where surfaces are.
@@ -96,7 +96,7 @@ impl WalledBox {
         let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
         let occupancy = match rule {
             Rule::EdgesAlone => occupancy,
-            Rule::Silhouettes => occupancy.with_weights(mesh, network.edges(), network.weights(), false),
+            Rule::AsSolids => occupancy.with_weights(mesh, network.edges(), network.weights(), false),
         };
         Self::of([true; 3], mesh, network, occupancy, bodies, rule)
     }
@@ -130,7 +130,7 @@ impl WalledBox {
             };
             match rule {
                 Rule::EdgesAlone => occupancy.update(mesh, &materials, &EdgesAlone(solids)),
-                Rule::Silhouettes => occupancy.update(mesh, &materials, &solids),
+                Rule::AsSolids => occupancy.update(mesh, &materials, &solids),
             }
             matrix.update(&occupancy);
         }

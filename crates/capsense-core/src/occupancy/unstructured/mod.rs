@@ -7,6 +7,8 @@ mod negative;
 mod node_links;
 mod obtuse;
 
+use super::elements::edges_of;
+use super::index_set::IndexList;
 use super::{Coupling, NO_OBJECT, Occupancy, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh};
@@ -25,30 +27,7 @@ pub(super) struct Unstructured {
     /// Negative weights that dielectrics are to scale.
     negative: Option<NegativeWeights>,
     /// Edges to be coupled anew in this frame.
-    pending: Pending,
-}
-
-/// Edges or nodes to be looked at again, each once.
-#[derive(Clone, Debug)]
-struct Pending {
-    items: Vec<u32>,
-    contains: Vec<bool>,
-}
-
-impl Pending {
-    fn none_of(count: usize) -> Self {
-        Self { items: Vec::new(), contains: vec![false; count] }
-    }
-
-    fn add(&mut self, item: usize) {
-        if !std::mem::replace(&mut self.contains[item], true) {
-            self.items.push(item as u32);
-        }
-    }
-
-    fn clear(&mut self) {
-        self.items.drain(..).for_each(|item| self.contains[item as usize] = false);
-    }
+    pending: IndexList,
 }
 
 /// An edge and what holds it.
@@ -69,15 +48,16 @@ impl Unstructured {
     /// Takes the weights that edges have without objects. If there will be dielectrics, or several conductors, elements are
     /// to scale negative weights.
     pub(super) fn new(mesh: &TetMesh, edges: &Edges, weights: &[f64], are_scaled: bool) -> Self {
-        let obtuse = ObtuseElements::new(mesh, edges);
+        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(*tet, edges)).collect();
+        let obtuse = ObtuseElements::new(mesh, &of_elements, edges.len());
         let are_scaled = are_scaled && obtuse.len() > 0;
         Self {
-            negative: are_scaled.then(|| NegativeWeights::new(mesh, edges, &obtuse)),
+            negative: are_scaled.then(|| NegativeWeights::new(mesh, &of_elements, edges.len(), &obtuse)),
             weights: weights.to_vec(),
             rule: vec![Coupling::PLAIN; weights.len()],
             links: NodeLinks::new(mesh, edges, weights),
             obtuse,
-            pending: Pending::none_of(weights.len()),
+            pending: IndexList::below(weights.len()),
         }
     }
 
@@ -88,7 +68,7 @@ impl Unstructured {
         if !is_moved && rule.is(&before) {
             return;
         }
-        self.pending.add(edge);
+        self.pending.insert(edge);
         ends.into_iter().for_each(|node| self.links.look_at(node as usize));
         if let Some(negative) = &mut self.negative {
             negative.take(&self.obtuse, held, &rule);
@@ -136,11 +116,11 @@ impl Occupancy {
         let Some(mut unstructured) = self.unstructured.take() else { return false };
         let Unstructured { negative, obtuse, pending, .. } = &mut *unstructured;
         if let Some(negative) = negative {
-            negative.update_elements(obtuse, |edge| pending.add(edge));
+            negative.update_elements(obtuse, |edge| pending.insert(edge));
         }
         unstructured.update_links(scene, around_edges, &self.conductor);
         let mut links_lost = false;
-        for &edge in &unstructured.pending.items {
+        for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;
             let ends = scene.mesh.edges.ends_of_existing(edge);
             let held = HeldEdge::of(edge, ends, &self.conductor);

@@ -13,10 +13,10 @@
 //! conductor could have a negative energy; so factors of such edges are 0, which leaves the elements without them.
 
 use super::super::Coupling;
-use super::super::elements::{Lists, NO_EDGE, edges_of};
+use super::super::elements::{Lists, NO_EDGE};
 use super::obtuse::ObtuseElements;
 use super::{HeldEdge, is_conducting};
-use crate::mesh::{CANCELLED, EdgeShare, Edges, TetMesh};
+use crate::mesh::{CANCELLED, EdgeShare, TetMesh};
 
 /// Negative weights of elements, and what the edge rule makes of edges.
 #[derive(Clone, Debug)]
@@ -36,16 +36,21 @@ pub(super) struct NegativeWeights {
 }
 
 impl NegativeWeights {
-    /// Takes the weights of all elements; `obtuse` are those with negative ones.
-    pub(super) fn new(mesh: &TetMesh, edges: &Edges, obtuse: &ObtuseElements) -> Self {
-        let count = edges.len();
+    /// Takes the weights of all elements along their edges, of which there are `count`; `obtuse` are those with negative
+    /// ones.
+    pub(super) fn new(
+        mesh: &TetMesh,
+        of_elements: &[[u32; 6]],
+        count: usize,
+        obtuse: &ObtuseElements,
+    ) -> Self {
         let (mut positive, mut magnitude, mut reference) =
             (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
         let mut negative = Vec::new();
         let mut number = 0;
-        for (element, &nodes) in mesh.tets().iter().enumerate() {
+        for (element, (&nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
             let background = mesh.relative_permittivity().at(element);
-            let shares = EdgeShare::of_element(mesh.corners(element)).zip(edges_of(nodes, edges));
+            let shares = EdgeShare::of_element(mesh.corners(element)).zip(edges);
             for (share, edge) in shares.filter(|(_, edge)| *edge != NO_EDGE) {
                 let (edge, weight) = (edge as usize, background * share.weight);
                 reference[edge] += weight;

@@ -7,15 +7,16 @@
 //! its other end, and the node is linked by what is missing, as far as K stays positive definite ([`super::obtuse`]).
 //!
 //! Near an edge of a conductor all of a node's links together are what makes the field of a right angle satisfy the node's
-//! equation, as on lattices ([`super::super::wedge`]).
+//! equation, as on lattices ([`super::super::near_field`]).
 //!
 //! Such a link is carried by the node's end of its heaviest edge.
 
 use super::super::coupling::{Coupling, SMALLEST_PART};
-use super::super::wedge::{Cells, FAR, Near, POINTS, Places, RightAngle, RoundNear, grown};
+use super::super::index_set::IndexList;
+use super::super::near_field::{Cells, FAR, Near, POINTS, Places, RightAngle, RoundNear, grown};
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
-use super::{HeldEdge, Pending, Unstructured};
+use super::{HeldEdge, Unstructured};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh, signed_volume};
 use crate::sensor::FREE;
@@ -66,7 +67,7 @@ pub(super) struct NodeLinks {
     /// The edge of a cube as large as what each node has around it, in metres.
     cell: Vec<f64>,
     /// Nodes to be looked at again in this frame.
-    pending: Pending,
+    pending: IndexList,
 }
 
 /// The edges of a node that end in conductors.
@@ -81,6 +82,32 @@ struct Ending {
     are_several: bool,
     /// Whether the permittivity is not the same all around the node.
     is_mixed: bool,
+}
+
+/// What potentials of a node and its neighbours ask for, the neighbours one after the other.
+struct Balance {
+    own: f64,
+    /// Sum of weights times potentials, and of weights.
+    sum: f64,
+    of_weights: f64,
+    highest: f64,
+}
+
+impl Balance {
+    fn of(own: f64) -> Self {
+        Self { own, sum: 0.0, of_weights: 0.0, highest: own }
+    }
+
+    fn add(&mut self, weight: f64, potential: f64) {
+        self.sum += weight * potential;
+        self.of_weights += weight;
+        self.highest = self.highest.max(potential);
+    }
+
+    /// Σ w (u(Q) - u(P)) / u(P).
+    fn links(&self) -> f64 {
+        self.sum / self.own.max(SMALLEST_PART * self.highest).max(f64::MIN_POSITIVE) - self.of_weights
+    }
 }
 
 impl NodeLinks {
@@ -108,7 +135,7 @@ impl NodeLinks {
             links: vec![NodeLink::NONE; nodes],
             carrier: (0..nodes).map(heaviest).collect(),
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
-            pending: Pending::none_of(nodes),
+            pending: IndexList::below(nodes),
         }
     }
 
@@ -118,7 +145,7 @@ impl NodeLinks {
 
     /// Notes that a node is to be looked at again.
     pub(super) fn look_at(&mut self, node: usize) {
-        self.pending.add(node);
+        self.pending.insert(node);
     }
 
     /// Notes the nodes that edges of conductors in some boxes are near.
@@ -131,7 +158,7 @@ impl NodeLinks {
             let (point, cells) = (scene.mesh.nodes[node], self.cells_at(scene, node));
             let is_near = |region: &Aabb| cells.cells_to(point.clamp(region.min, region.max)) < FAR;
             if is_near(&all) && regions.iter().any(is_near) {
-                self.pending.add(node);
+                self.pending.insert(node);
             }
         });
     }
@@ -141,16 +168,16 @@ impl Unstructured {
     /// Links nodes anew where something changed, and notes the edges that carry these links.
     pub(super) fn update_links(&mut self, scene: &Scene<'_>, around_edges: &[Aabb], conductors: &[u16]) {
         self.links.look_around(scene, around_edges);
-        for &edge in &self.pending.items {
+        for &edge in self.pending.numbers() {
             // How little links may be depends on all edges of elements.
-            self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.add(node));
+            self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.insert(node));
         }
-        for at in 0..self.links.pending.items.len() {
-            let node = self.links.pending.items[at] as usize;
+        for at in 0..self.links.pending.numbers().len() {
+            let node = self.links.pending.numbers()[at] as usize;
             let now = self.link(scene, node, conductors);
             let before = std::mem::replace(&mut self.links.links[node], now);
             if before.object != now.object || before.weight.to_bits() != now.weight.to_bits() {
-                self.pending.add(self.links.carrier[node] as usize);
+                self.pending.insert(self.links.carrier[node] as usize);
             }
         }
         self.links.pending.clear();
@@ -238,50 +265,52 @@ impl Unstructured {
         ending
     }
 
-    /// The same as [`Self::at_wedge`] in front of a round conductor.
-    fn at_round(&self, scene: &Scene<'_>, node: usize, round: &RoundNear, conductors: &[u16]) -> f64 {
-        let own = round.potential(scene.mesh.nodes[node]);
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
+    /// Visits the neighbours of a node to which edges lead that end in no conductor, with the weights of these.
+    fn for_seen_neighbours(
+        &self,
+        scene: &Scene<'_>,
+        node: usize,
+        conductors: &[u16],
+        mut visit: impl FnMut(DVec3, f64),
+    ) {
         scene.mesh.edges.for_edges_at(node, |edge, end| {
             let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
             if conductors[other] == NO_OBJECT && !self.rule[edge].is_linked() {
-                let potential = round.potential(scene.mesh.nodes[other]);
-                sum += self.weights[edge] * potential;
-                of_weights += self.weights[edge];
-                highest = f64::max(highest, potential);
+                visit(scene.mesh.nodes[other], self.weights[edge]);
             }
         });
-        sum / own.max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE) - of_weights
     }
 
-    /// Σ w (u(Q) - u(P)) / u(P) over edges of a node that end in no conductor.
+    /// All of a node's links together in front of a round conductor.
+    fn at_round(&self, scene: &Scene<'_>, node: usize, round: &RoundNear, conductors: &[u16]) -> f64 {
+        let mut balance = Balance::of(round.potential(scene.mesh.nodes[node]));
+        self.for_seen_neighbours(scene, node, conductors, |point, weight| {
+            balance.add(weight, round.potential(point));
+        });
+        balance.links()
+    }
+
+    /// The same near a right angle.
     fn at_wedge(&self, scene: &Scene<'_>, node: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
         let mut places = Places::default();
         places.set(0, angle.coordinates(scene.mesh.nodes[node]));
-        let own = places.potentials(angle.radius)[0];
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
+        let mut balance = Balance::of(places.potentials(angle.radius)[0]);
         let mut weights = [0.0; POINTS];
         let mut count = 0;
         let mut add = |places: &Places, weights: &[f64]| {
-            for (weight, potential) in weights.iter().zip(places.potentials(angle.radius)) {
-                sum += weight * potential;
-                of_weights += weight;
-                highest = highest.max(potential);
-            }
+            let potentials = places.potentials(angle.radius);
+            weights.iter().zip(potentials).for_each(|(weight, potential)| balance.add(*weight, potential));
         };
-        scene.mesh.edges.for_edges_at(node, |edge, end| {
-            let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
-            if conductors[other] == NO_OBJECT && !self.rule[edge].is_linked() {
-                places.set(count, angle.coordinates(scene.mesh.nodes[other]));
-                weights[count] = self.weights[edge];
-                count += 1;
-                if count == POINTS {
-                    add(&places, &weights);
-                    count = 0;
-                }
+        self.for_seen_neighbours(scene, node, conductors, |point, weight| {
+            places.set(count, angle.coordinates(point));
+            weights[count] = weight;
+            count += 1;
+            if count == POINTS {
+                add(&places, &weights);
+                count = 0;
             }
         });
         add(&places, &weights[..count]);
-        sum / own.max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE) - of_weights
+        balance.links()
     }
 }

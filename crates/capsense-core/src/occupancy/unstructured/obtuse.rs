@@ -9,11 +9,8 @@
 //! worse off. Negative weights to held corners stay in its diagonal.
 
 use super::super::coupling::Coupling;
-use super::super::elements::{Lists, NO_EDGE, edges_of};
-use crate::mesh::{EdgeShare, Edges, TetMesh};
-
-/// The corners that the edges of an element join, in the order of [`EdgeShare::of_element`].
-const CORNERS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+use super::super::elements::{Lists, NO_EDGE};
+use crate::mesh::{EdgeShare, TetMesh};
 
 /// What holds a node's potential.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,16 +38,16 @@ struct Element {
 }
 
 impl ObtuseElements {
-    /// Finds them. They are numbered in the order of the mesh.
-    pub(super) fn new(mesh: &TetMesh, edges: &Edges) -> Self {
+    /// Finds them, from the edges of all elements. They are numbered in the order of the mesh.
+    pub(super) fn new(mesh: &TetMesh, of_elements: &[[u32; 6]], edge_count: usize) -> Self {
         let mut elements = Vec::new();
-        for (element, &nodes) in mesh.tets().iter().enumerate() {
+        for (element, (&nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
             let shares = EdgeShare::of_element(mesh.corners(element));
             if shares.clone().any(|share| share.counts() && share.weight < 0.0) {
                 let background = mesh.relative_permittivity().at(element);
                 let mut weights = [0.0; 6];
                 shares.zip(&mut weights).for_each(|(share, weight)| *weight = background * share.weight);
-                elements.push(Element { nodes, edges: edges_of(nodes, edges), weights });
+                elements.push(Element { nodes, edges, weights });
             }
         }
         let numbered = || (0..).zip(&elements);
@@ -61,7 +58,7 @@ impl ObtuseElements {
             numbered().flat_map(|(number, element)| element.existing_edges().map(move |edge| (edge, number)));
         Self {
             at_node: Lists::new(mesh.nodes().len(), at_node),
-            at_edge: Lists::new(edges.len(), at_edge),
+            at_edge: Lists::new(edge_count, at_edge),
             elements,
         }
     }
@@ -117,16 +114,16 @@ impl Element {
         let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
         // Corners of one part have the smallest of their numbers.
         let mut part = [0, 1, 2, 3];
-        for (edge, [a, b]) in CORNERS.into_iter().enumerate() {
+        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
             if free[a] && free[b] && !is_cut(edge) {
                 let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
                 part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
             }
         }
-        let mut pairs = CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
+        let mut pairs = EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
         let is_clean = pairs.all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b]);
         let mut sum = 0.0;
-        for (edge, [a, b]) in CORNERS.into_iter().enumerate() {
+        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
             let own = [a, b].map(|corner| self.nodes[corner] as usize == node);
             let other = if own[0] { b } else { a };
             let ends = holders[other] == Holder::Conductor || is_cut(edge);

@@ -1,4 +1,4 @@
-//! Nodes of a lattice near an edge of a conductor, where the field is that of a wedge.
+//! Nodes of a lattice near conductors whose field is known: that of a wedge at an edge, and in front of what is round.
 //!
 //! Around a right angle of a conductor the potential is u = r^(2/3) sin(2θ/3) (Van Bladel, *Singular Electromagnetic Fields
 //! and Sources*), which no mesh of a scene's size resolves. So a node near such an edge is linked to the conductor by as
