@@ -139,6 +139,14 @@ impl CsrSolver {
         for_width!(self, of => of.clear());
     }
 
+    /// K⁻¹ between some free nodes, by columns, where the preconditioner is exact.
+    pub(crate) fn inverse(&self, nodes: &[u32]) -> Option<Vec<f64>> {
+        for_width!(self, of => {
+            let rows: Vec<usize> = nodes.iter().map(|&node| of.rows.row_of(node as usize)).collect();
+            of.inverse.exact(&rows)
+        })
+    }
+
     /// Finds the bodies of very high permittivity, which need a direction of their own.
     pub(crate) fn find_islands(
         &mut self,
