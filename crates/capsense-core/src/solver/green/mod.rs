@@ -75,7 +75,7 @@ impl Green {
 
     /// The potential of a node that is not held in the last frame.
     pub(crate) fn potential(&self, column: usize, node: u32) -> f64 {
-        let charges = self.charges.get_or_init(|| self.system.charges(&self.changes));
+        let charges = self.charges.get_or_init(|| self.system.charges());
         let reaction = self.system.reaction(&self.empty, charges, column, node);
         self.empty.fields(node)[column] + reaction
     }

@@ -162,8 +162,8 @@ impl System {
         (0..columns).map(own).filter(|part| part.is_finite()).fold(0.0, f64::max)
     }
 
-    /// Adds what other changes add, and returns the largest part that it is of an energy, times how far it is amplified.
-    fn add_nodes(&mut self, changes: &Changes) -> Option<f64> {
+    /// D L and ρ of the nodes.
+    fn fill_nodes(&mut self, changes: &Changes) {
         let (size, points, columns) = (self.unknowns, self.points, self.columns);
         let nodes = size - points;
         for (storage, length) in [
@@ -177,8 +177,7 @@ impl System {
         }
         let scale = &self.scale[points..size];
         for column in 0..nodes {
-            let from = (points + column) * size + points;
-            let lower = &self.factor[from..from + nodes];
+            let lower = &self.factor[(points + column) * size + points..][..nodes];
             multiply(changes, scale, lower, column, &mut self.product[column * nodes..][..nodes]);
         }
         for column in 0..columns {
@@ -189,38 +188,27 @@ impl System {
                 rest[node] -= changes.drawn[node * columns + column] / scale[node];
             }
         }
+    }
+
+    /// Adds what other changes add, and returns the largest part that it is of an energy, times how far it is amplified.
+    fn add_nodes(&mut self, changes: &Changes) -> Option<f64> {
+        self.fill_nodes(changes);
         self.add_forced(changes);
+        let (size, points, columns) = (self.unknowns, self.points, self.columns);
+        let nodes = size - points;
         let factor = MatRef::from_column_major_slice(&self.factor[..size * size], size, size);
         let lower = factor.submatrix(points, points, nodes, nodes);
         let product = MatRef::from_column_major_slice(&self.product, nodes, nodes);
-        let mut inner = MatMut::from_column_major_slice_mut(&mut self.inner, nodes, nodes);
-        let (half, all) = (BlockStructure::TriangularUpper, BlockStructure::Rectangular);
-        (0..nodes).for_each(|k| inner[(k, k)] = 1.0);
-        let below = BlockStructure::TriangularLower;
-        triangular::matmul(
-            inner.as_mut(),
-            below,
-            Accum::Add,
-            lower.transpose(),
-            half,
-            product,
-            all,
-            1.0,
-            Par::Seq,
-        );
         let rest = MatRef::from_column_major_slice(&self.rest, nodes, columns);
+        let mut inner = MatMut::from_column_major_slice_mut(&mut self.inner, nodes, nodes);
         let mut right = MatMut::from_column_major_slice_mut(&mut self.inner_right, nodes, columns);
-        triangular::matmul(
-            right.as_mut(),
-            all,
-            Accum::Replace,
-            lower.transpose(),
-            half,
-            rest,
-            all,
-            1.0,
-            Par::Seq,
-        );
+        (0..nodes).for_each(|k| inner[(k, k)] = 1.0);
+        let by_factor = |to: MatMut<'_, f64>, part: BlockStructure, of: MatRef<'_, f64>| {
+            let (half, all) = (BlockStructure::TriangularUpper, BlockStructure::Rectangular);
+            triangular::matmul(to, part, Accum::Add, lower.transpose(), half, of, all, 1.0, Par::Seq);
+        };
+        by_factor(inner.as_mut(), BlockStructure::TriangularLower, product);
+        by_factor(right.as_mut(), BlockStructure::Rectangular, rest);
         factorise(inner.as_mut(), &mut self.scratch)?;
         solve_lower_triangular_in_place(inner.as_ref(), right.as_mut(), Par::Seq);
         let right = right.as_ref();
@@ -254,34 +242,23 @@ impl System {
     }
 
     /// The charges, scaled, all unknowns of each column, that make the frame's potentials of those of the empty scene.
-    pub(super) fn charges(&self, changes: &Changes) -> Vec<f64> {
+    pub(super) fn charges(&self) -> Vec<f64> {
         let (size, points, columns) = (self.unknowns, self.points, self.columns);
         let nodes = size - points;
         let mut charges = self.right[..size * columns].to_vec();
         let factor = MatRef::from_column_major_slice(&self.factor[..size * size], size, size);
         let (upper, lower) = factor.split_at_row(points);
         if nodes > 0 {
-            // φ - L (1 + LᵀDL)⁻¹ Lᵀ ρ, and the charges that D makes of it.
+            // D φ less what is drawn, of the frame's potentials φ, is L⁻ᵀ (1 + LᵀDL)⁻¹ Lᵀ ρ: computed from φ it would lose
+            // digits as D is large.
             let mut reaction = self.inner_right.clone();
             let inner = MatRef::from_column_major_slice(&self.inner, nodes, nodes);
             let mut right = MatMut::from_column_major_slice_mut(&mut reaction, nodes, columns);
             solve_upper_triangular_in_place(inner.transpose(), right.as_mut(), Par::Seq);
             let own = factor.submatrix(points, points, nodes, nodes);
-            let mut moved = vec![0.0; nodes * columns];
-            let (half, all) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-            let to = MatMut::from_column_major_slice_mut(&mut moved, nodes, columns);
-            triangular::matmul(to, all, Accum::Replace, own, half, right.as_ref(), all, 1.0, Par::Seq);
-            let scale = &self.scale[points..size];
-            for column in 0..columns {
-                let field: Vec<f64> = (0..nodes)
-                    .map(|node| charges[column * size + points + node] - moved[column * nodes + node])
-                    .collect();
-                let charge = &mut charges[column * size + points..][..nodes];
-                charge.fill(0.0);
-                multiply(changes, scale, &field, 0, charge);
-                for node in 0..nodes {
-                    charge[node] -= changes.drawn[node * columns + column] / scale[node];
-                }
+            solve_upper_triangular_in_place(own.transpose(), right, Par::Seq);
+            for (charges, reaction) in charges.chunks_mut(size).zip(reaction.chunks(nodes)) {
+                charges[points..].copy_from_slice(reaction);
             }
         }
         let all = MatMut::from_column_major_slice_mut(&mut charges, size, columns);
