@@ -196,19 +196,15 @@ impl Changes {
         let drop = (1.0 - through) * cut.weight;
         let has_one = object[0] == object[1] || factor[0] == 0.0 || factor[1] == 0.0;
         let rest = b - drop * drop / a;
-        let is_point = cut.coupling.is_linked() && has_one && drop > 0.0 && a > 0.0 && rest > -ROUNDING * b;
-        if !is_point {
+        let is_open = cut.ends.iter().any(|&node| !scene.is_known(node));
+        let is_drawn = cut.coupling.is_linked() && has_one && drop > 0.0;
+        if !(is_open && is_drawn && a > 0.0 && rest > -ROUNDING * b) {
             self.pair(scene, cut.ends, -drop);
             self.draw_links(scene, cut);
             return;
         }
         let holder = scene.object(if factor[0] == 0.0 { object[1] } else { object[0] });
         let ratio = drop / a;
-        if scene.is_known(cut.ends[0]) && scene.is_known(cut.ends[1]) {
-            self.pair(scene, cut.ends, -drop);
-            self.draw_links(scene, cut);
-            return;
-        }
         let parts = [1.0 / (1.0 + ratio), ratio / (1.0 + ratio)];
         let compliance = parts[0] * parts[0] / a;
         self.push(Point { nodes: cut.ends, parts, compliance }, holder);

@@ -17,11 +17,11 @@ use std::sync::OnceLock;
 use system::System;
 use table::Empty;
 
-/// As many unknowns as this times n^(2/3), of n free nodes, cost as much as to factorise all of K, which takes n² products:
-/// measured from 700 to 3,500 free nodes.
+/// Up to as many unknowns as this times n^(2/3), of n free nodes, dense equations cost less than a factorisation of all of
+/// K, which takes n² products.
 const LARGEST: f64 = 3.5;
 
-/// What a node costs that is no point, in relation to one: its part of two more factorisations and products.
+/// What a node costs that is no point, in relation to one: it takes part in a product and in a factorisation more.
 const COST_OF_NODE: f64 = 1.6;
 
 /// The table, and the equations of the last frame.
