@@ -174,7 +174,7 @@ fn arrays(criterion: &mut Criterion) {
                 };
                 let subject =
                     Subject { name, lattice: &lattice, size, parts: &[STEP], samples: 20, seconds: 2 };
-                subject.measure_with(criterion, Motion::all_of(shape), build);
+                subject.measure_with(criterion, Motion::all_of(&shape), build);
             }
         }
     }

@@ -86,11 +86,11 @@ pub struct Motion {
 impl Motion {
     /// Across the electrodes, 50 mm above them, and down onto them as far as 10 mm.
     pub fn all() -> [Self; 2] {
-        Self::all_of(BAR)
+        Self::all_of(&BAR)
     }
 
     /// The same of another body.
-    pub fn all_of(shape: Shape) -> [Self; 2] {
+    pub fn all_of(shape: &Shape) -> [Self; 2] {
         [
             Self::new("sideways", shape, |metres| DVec3::new(0.0, metres - 0.05, 0.06)),
             Self::new("towards", shape, |metres| DVec3::new(0.0, 0.0, 0.12 - metres)),
@@ -98,8 +98,8 @@ impl Motion {
     }
 
     /// The way of 100 mm whose point after so many metres is `centre`.
-    fn new(name: &'static str, shape: Shape, centre: impl Fn(f64) -> DVec3) -> Self {
-        let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, &[shape]).unwrap();
+    fn new(name: &'static str, shape: &Shape, centre: impl Fn(f64) -> DVec3) -> Self {
+        let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, std::slice::from_ref(shape)).unwrap();
         let images = (0..=100).chain((1..100).rev()).map(|millimetres| {
             let mut depth = DepthLayers::empty(VIEW, 1);
             let pose = Pose {
