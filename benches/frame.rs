@@ -4,6 +4,8 @@
 //! image to stiffness matrix and preconditioner), `solve` (to the capacitance matrix), `step` (both). Methods:
 //! - `lattice`, `csr`: the simulator on the lattice, and on the same mesh as plain tetrahedra; C to 1e-4, one thread;
 //!   `lattice-all` and `csr-all` on all threads; `lattice-80` with a dielectric of that relative permittivity for a bar;
+//! - `lattice-32`, `csr-32`, `direct-32`: 32 electrodes in rows, on meshes that are small enough for the Green's function of
+//!   the empty scene; `lattice-32-block` and so on with a body of 40 mm x 40 mm x 20 mm for a bar;
 //! - `ic0`: the same matrix, IC(0) conjugate gradients to a relative residual of 1e-6, and `ic0-coarse` to 1e-3;
 //! - `paper-80`, `paper-1e5`: the paper's method to a relative residual of 1e-5, the bar of that relative permittivity.
 //!   Its camera's red channel of 8 bits holds the first; the second stands for steel.
@@ -18,8 +20,10 @@ use capsense_core::baseline::{CgOptions, Ic0Method, PaperMethod, STEEL};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::DepthLayers;
+use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
-use common::{Motion, design, mesh_sizes, on_lattice, on_tetrahedra, solver_options};
+use capsense_core::solver::{Preconditioner, SolverOptions};
+use common::{BAR, BLOCK, Motion, array, design, mesh_sizes, on_lattice, on_tetrahedra, solver_options};
 use criterion::{BenchmarkId, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::{Duration, Instant};
 
@@ -30,6 +34,9 @@ const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 const LARGEST_OF_IC0: usize = 1_000_000;
 const LARGEST_OF_PAPER: usize = 300_000;
 const LARGEST_OF_PAPER_WITH_STEEL: usize = 30_000;
+
+/// Sizes of meshes under many electrodes.
+const MESHES_OF_ARRAY: [usize; 2] = [10_000, 25_000];
 
 /// What all methods have in common.
 trait Method {
@@ -101,8 +108,17 @@ struct Subject<'a> {
 impl Subject<'_> {
     /// Measures all parts for all motions. The method is built only when the command line asks for one of them.
     fn measure<M: Method>(&self, criterion: &mut Criterion, build: impl Fn(&Lattice) -> M) {
+        self.measure_with(criterion, Motion::all(), build);
+    }
+
+    fn measure_with<M: Method>(
+        &self,
+        criterion: &mut Criterion,
+        motions: [Motion; 2],
+        build: impl Fn(&Lattice) -> M,
+    ) {
         let mut method = None;
-        for mut motion in Motion::all() {
+        for mut motion in motions {
             for (part, run) in self.parts {
                 let mut group = criterion.benchmark_group(*part);
                 group.sample_size(self.samples).sampling_mode(SamplingMode::Flat);
@@ -141,6 +157,29 @@ fn simulators(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
     }
 }
 
+/// Many electrodes on small meshes.
+fn arrays(criterion: &mut Criterion) {
+    for size in MESHES_OF_ARRAY {
+        let lattice = array().lattice(size).unwrap();
+        let sensor = Sensor::on_lattice(&array(), &lattice).unwrap();
+        for (name, of_block, sensor, preconditioner) in [
+            ("lattice-32", "lattice-32-block", sensor.clone(), Preconditioner::Multigrid),
+            ("csr-32", "csr-32-block", sensor.clone().off_lattice(), Preconditioner::Multigrid),
+            ("direct-32", "direct-32-block", sensor, Preconditioner::Direct),
+        ] {
+            for (name, shape) in [(name, BAR), (of_block, BLOCK)] {
+                let build = |_: &Lattice| {
+                    let options = SolverOptions { preconditioner, ..solver_options(Some(1)) };
+                    Simulator::new(sensor.clone(), vec![GROUNDED], options).unwrap()
+                };
+                let subject =
+                    Subject { name, lattice: &lattice, size, parts: &[STEP], samples: 20, seconds: 2 };
+                subject.measure_with(criterion, Motion::all_of(&shape), build);
+            }
+        }
+    }
+}
+
 fn baselines(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
     let subject = |name, largest| {
         if size > largest {
@@ -171,6 +210,7 @@ fn baselines(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
 }
 
 fn frame(criterion: &mut Criterion) {
+    arrays(criterion);
     for size in mesh_sizes() {
         let lattice = design().lattice(size).unwrap();
         simulators(criterion, &lattice, size);

@@ -16,6 +16,9 @@ pub const DOMAIN: Aabb = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3
 pub const VIEW: OrthographicView = OrthographicView { domain: DOMAIN, width: 64, height: 64 };
 pub const BAR: Shape = Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) };
 
+/// As wide as a thumb and as high.
+pub const BLOCK: Shape = Shape::Box { size: DVec3::new(0.04, 0.04, 0.02) };
+
 /// The bar's turn about the sensor's axis, in radians. Parallel to the pixels it would be seen in another place in every
 /// eighth frame only, as a pixel is 8 mm wide.
 const YAW: f64 = 0.35;
@@ -54,6 +57,16 @@ pub fn design() -> SensorDesign {
     SensorDesign { domain: DOMAIN, electrodes: [-0.03, 0.0, 0.03].map(electrode).to_vec(), substrate: None }
 }
 
+/// Four by eight electrodes, 42 mm x 21 mm, 60 mm and 30 mm apart.
+pub fn array() -> SensorDesign {
+    let electrode = |k: u32| {
+        let center = DVec2::new(0.06 * (f64::from(k % 4) - 1.5), 0.03 * (f64::from(k / 4) - 3.5));
+        let outline = Outline::Rectangle { center, size: DVec2::new(0.042, 0.021) };
+        Electrode { name: format!("E{k}"), outline, z: 0.0 }
+    };
+    SensorDesign { domain: DOMAIN, electrodes: (0..32).map(electrode).collect(), substrate: None }
+}
+
 pub fn on_lattice(lattice: &Lattice) -> Sensor {
     Sensor::on_lattice(&design(), lattice).unwrap()
 }
@@ -73,15 +86,20 @@ pub struct Motion {
 impl Motion {
     /// Across the electrodes, 50 mm above them, and down onto them as far as 10 mm.
     pub fn all() -> [Self; 2] {
+        Self::all_of(&BAR)
+    }
+
+    /// The same of another body.
+    pub fn all_of(shape: &Shape) -> [Self; 2] {
         [
-            Self::new("sideways", |metres| DVec3::new(0.0, metres - 0.05, 0.06)),
-            Self::new("towards", |metres| DVec3::new(0.0, 0.0, 0.12 - metres)),
+            Self::new("sideways", shape, |metres| DVec3::new(0.0, metres - 0.05, 0.06)),
+            Self::new("towards", shape, |metres| DVec3::new(0.0, 0.0, 0.12 - metres)),
         ]
     }
 
     /// The way of 100 mm whose point after so many metres is `centre`.
-    fn new(name: &'static str, centre: impl Fn(f64) -> DVec3) -> Self {
-        let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, &[BAR]).unwrap();
+    fn new(name: &'static str, shape: &Shape, centre: impl Fn(f64) -> DVec3) -> Self {
+        let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, std::slice::from_ref(shape)).unwrap();
         let images = (0..=100).chain((1..100).rev()).map(|millimetres| {
             let mut depth = DepthLayers::empty(VIEW, 1);
             let pose = Pose {

@@ -137,7 +137,7 @@ pub(super) fn preconditioner_name(pipeline: &Pipeline) -> &'static str {
     match pipeline.simulator().preconditioner() {
         Preconditioner::Multigrid => "multigrid",
         Preconditioner::Ic0 => "ic0",
-        Preconditioner::Direct => "direct",
+        Preconditioner::Direct | Preconditioner::Cholesky => "direct",
         Preconditioner::Jacobi => "jacobi",
         Preconditioner::None => "none",
     }

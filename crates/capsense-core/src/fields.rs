@@ -5,7 +5,7 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{EdgeFields, FieldSolver, SolveError, SolveReport, SolverOptions};
+use crate::solver::{EdgeFields, FieldSolver, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -134,7 +134,7 @@ impl Fields {
                         .object
                         .map(|index| if index == NO_OBJECT { 0.0 } else { object(index) }),
                 };
-                let now = ends.map(|node| self.solver.potential(column, node));
+                let now = ends.map(|node| self.solver.potential(column, node, &self.fixed));
                 let moved =
                     [0, 1].map(|end| if holders[end] == FREE { now[end] } else { held(holders[end]) });
                 before.push(see(&replaced, now));
@@ -210,7 +210,7 @@ impl Fields {
 
     /// The potential of a node in the field of one terminal.
     pub(crate) fn potential(&self, column: usize, node: usize) -> f64 {
-        self.solver.potential(column, node)
+        self.solver.potential(column, node, &self.fixed)
     }
 
     /// Notes which rows changed and which nodes a conductor took or left.
@@ -234,7 +234,7 @@ impl Fields {
         if !self.solver.must_solve(options) {
             return;
         }
-        self.solver.refresh(matrix, &self.fixed, &self.changed);
+        self.solver.refresh(matrix, occupancy, &self.fixed, &self.changed, options);
         if islands && !self.changed.is_empty() {
             self.solver.find_islands(matrix, occupancy, &self.fixed, &self.changed);
         }
@@ -258,6 +258,9 @@ impl Fields {
     pub(crate) fn remember_base(&mut self, matrix: &StiffnessMatrix, options: &SolverOptions) {
         self.solver.remember_base();
         self.solver.choose_precision(matrix, options);
+        if options.preconditioner == Preconditioner::Direct {
+            self.solver.tabulate(matrix, &self.fixed);
+        }
     }
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are

@@ -4,11 +4,12 @@ use super::bracket::Bracket;
 use super::csr::CsrSolver;
 use super::demand::Demand;
 use super::energy_error::{ErrorRule, Experience};
+use super::green::Green;
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
 use super::workers::Workers;
-use super::{Preconditioner, SolveError, SolveReport, SolverOptions};
+use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -32,6 +33,10 @@ pub(crate) struct FieldSolver {
     demand: Demand,
     /// Of the last frame that was solved.
     residual: f64,
+    /// Exact answers on small meshes; fields of the operator then are those of an earlier frame, but for held rows.
+    green: Option<Box<Green>>,
+    /// The relative error of the answer to this frame.
+    answered: Option<f64>,
 }
 
 /// The operators.
@@ -79,11 +84,16 @@ impl FieldSolver {
             bracket: Bracket::new(columns),
             demand: Demand::new(columns, to_ground),
             residual: 0.0,
+            green: None,
+            answered: None,
         }
     }
 
     /// The potential of a row in one column.
-    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
+    pub(crate) fn potential(&self, column: usize, row: usize, fixed: &[bool]) -> f64 {
+        if let (Some(green), Some(_), false) = (&self.green, self.answered, fixed[row]) {
+            return green.potential(column, row as u32);
+        }
         match &self.vectors {
             Vectors::Lattice(fields) => fields.potential(column, row),
             Vectors::Csr(fields) => fields.potential(column, row),
@@ -105,7 +115,27 @@ impl FieldSolver {
     }
 
     /// Takes over the matrix and the fixed rows where they changed.
-    pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+    pub(crate) fn refresh(
+        &mut self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        fixed: &[bool],
+        changed: &[u32],
+        options: &SolverOptions,
+    ) {
+        if let Some(green) = self.green.as_mut().filter(|_| !changed.is_empty()) {
+            let finest = options.change_tolerance.map_or(1.0, |_| FINEST_FOR_CHANGES);
+            let allowed = options.tolerance.min(finest);
+            self.answered = green.update(matrix, occupancy).filter(|&error| error <= allowed);
+            if self.answered.is_none()
+                && let Vectors::Csr(fields) = &mut self.vectors
+            {
+                // It was not told of frames before.
+                fields.refresh(matrix, fixed, 0..matrix.nodes() as u32);
+                self.residual_is_lost = true;
+            }
+            return;
+        }
         match &mut self.vectors {
             Vectors::Lattice(fields) => fields.refresh(matrix, fixed, changed),
             Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed.iter().copied()),
@@ -141,6 +171,9 @@ impl FieldSolver {
             });
         }
         self.bracket.is_lost = true;
+        if let Some(report) = self.answer() {
+            return Ok(report);
+        }
         let report = self.improve_in_some_precision(matrix, options);
         if report.is_err() {
             self.iteration.forget();
@@ -156,8 +189,29 @@ impl FieldSolver {
         };
         let errors = (0..self.columns).map(|column| self.iteration.relative_error(column));
         self.bracket.reset(energies, self.iteration.corrections(), errors);
+        // Fields that bounds could start from are not kept.
+        self.bracket.is_lost = self.green.is_some();
         self.residual = report.residual;
         Ok(report)
+    }
+
+    /// The exact answer to this frame, if there is one.
+    fn answer(&mut self) -> Option<SolveReport> {
+        let (green, relative_error) = (self.green.as_ref()?, self.answered?);
+        self.bracket.energies.copy_from_slice(green.energies());
+        Some(SolveReport { iterations: 1, relative_error, residual: self.residual, skipped: false })
+    }
+
+    /// Makes the table that answers frames on small meshes, from the fields of the empty scene.
+    pub(crate) fn tabulate(&mut self, matrix: &StiffnessMatrix, fixed: &[bool]) {
+        if let Vectors::Csr(fields) = &self.vectors {
+            let potential = |column: usize, row: usize| fields.potential(column, row);
+            let inverse = |nodes: &[u32]| fields.inverse(nodes);
+            let energies = &self.bracket.energies;
+            let green = Green::new(matrix, fixed, energies, self.columns, potential, inverse);
+            self.bracket.is_lost |= green.is_some();
+            self.green = green.map(Box::new);
+        }
     }
 
     /// In single precision for as long as that is exact enough.

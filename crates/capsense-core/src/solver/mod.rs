@@ -6,6 +6,7 @@ mod demand;
 mod energy_error;
 mod field_solver;
 mod foresight;
+mod green;
 mod incomplete_cholesky;
 mod islands;
 mod lattice;
@@ -78,7 +79,8 @@ pub struct SolveReport {
     /// Estimated relative error of the self-capacitances, the largest over all terminals.
     pub relative_error: f64,
     /// Recomputed norm of the residual charges on free rows over the norm of the charges on the terminal's own nodes, the
-    /// largest over all terminals. That of the last frame solved when this one was skipped. Off lattices the charges on
+    /// largest over all terminals. That of the last frame solved when this one was skipped, or answered through the Green's
+    /// function of the empty scene. Off lattices the charges on
     /// terminals are those of the last frame in which fields moved.
     pub residual: f64,
     /// Whether there was nothing to solve, because bounds from both sides showed that what changed in the scene moves no

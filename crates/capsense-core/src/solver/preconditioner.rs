@@ -8,8 +8,11 @@ pub enum Preconditioner {
     Multigrid,
     /// Incomplete Cholesky factors without fill.
     Ic0,
-    /// The exact inverse, by sparse Cholesky factors.
+    /// The exact inverse. Scenes on small meshes, up to 4,000 free nodes, of which objects' surfaces touch a small part are
+    /// answered through the Green's function of the empty scene, all others as by [`Preconditioner::Cholesky`].
     Direct,
+    /// The exact inverse, by sparse Cholesky factors of all of K in every frame.
+    Cholesky,
     /// The inverse of the diagonal.
     Jacobi,
     /// The identity.

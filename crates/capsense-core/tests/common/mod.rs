@@ -32,7 +32,7 @@ pub const EXACT: SolverOptions = SolverOptions {
 };
 
 /// The same, from a factorisation.
-pub const DIRECT: SolverOptions = SolverOptions { preconditioner: Preconditioner::Direct, ..EXACT };
+pub const DIRECT: SolverOptions = SolverOptions { preconditioner: Preconditioner::Cholesky, ..EXACT };
 
 pub const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 pub const FLOATING: Material = Material::Conductor(Connection::Floating);
@@ -121,7 +121,7 @@ pub fn to(tolerance: f64) -> SolverOptions {
 
 /// What a simulator is compared with: a sparse factorisation of the whole matrix.
 pub fn oracle(sensor: &Sensor, materials: &[Material]) -> Simulator {
-    let options = SolverOptions { preconditioner: Preconditioner::Direct, ..to(1e-13) };
+    let options = SolverOptions { preconditioner: Preconditioner::Cholesky, ..to(1e-13) };
     Simulator::new(sensor.clone(), materials.to_vec(), options).unwrap()
 }
 

@@ -90,4 +90,20 @@ impl Direct {
         }
         products
     }
+    /// K⁻¹ between some free rows, by columns; `None` where K is not positive definite.
+    pub(super) fn inverse(&self, some: &[usize]) -> Option<Vec<f64>> {
+        /// Columns that are solved for together.
+        const WIDTH: usize = 64;
+        let factors = self.factors.as_ref()?;
+        let mut inverse = Vec::with_capacity(some.len() * some.len());
+        for columns in some.chunks(WIDTH) {
+            let mut solution = Mat::zeros(self.pattern.nrows(), columns.len());
+            columns.iter().enumerate().for_each(|(column, &row)| solution[(row, column)] = 1.0);
+            factors.solve_in_place(&mut solution);
+            for column in 0..columns.len() {
+                inverse.extend(some.iter().map(|&row| solution[(row, column)]));
+            }
+        }
+        Some(inverse)
+    }
 }

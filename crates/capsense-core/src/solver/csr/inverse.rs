@@ -69,7 +69,9 @@ impl<const L: usize> Inverse<L> {
                 (Kind::Aggregation(Box::default()), Preconditioned::Work(Work::default()))
             }
             Preconditioner::Ic0 => (Kind::IncompleteCholesky(Box::new(incomplete_cholesky(rows))), double),
-            Preconditioner::Direct => (Kind::Direct(Box::new(Direct::new(rows))), double),
+            Preconditioner::Direct | Preconditioner::Cholesky => {
+                (Kind::Direct(Box::new(Direct::new(rows))), double)
+            }
             Preconditioner::Jacobi => (diagonal(false), single),
             Preconditioner::None => (diagonal(true), single),
         };
@@ -181,6 +183,14 @@ impl<const L: usize> Inverse<L> {
             (_, Preconditioned::Double(z)) => columns.curvatures(rows, z, workers),
             // No other pair is ever made.
             _ => [[0.0; L]; 2],
+        }
+    }
+
+    /// K⁻¹ between some free rows, by columns, where it is known.
+    pub(super) fn exact(&self, some: &[usize]) -> Option<Vec<f64>> {
+        match &self.kind {
+            Kind::Direct(direct) => direct.inverse(some),
+            _ => None,
         }
     }
 

@@ -3,9 +3,10 @@
 //! Everything is kept in an order of the solver's own, fields and residuals in double, directions and inverses in single
 //! precision. Columns lie side by side in groups, so that what is read of K serves all of a group.
 //!
-//! An exact inverse does not win on small meshes: at 10 000 tetrahedra a frame of [`Preconditioner::Direct`] takes 25
+//! A factorisation does not win on small meshes: at 10 000 tetrahedra a frame of [`Preconditioner::Cholesky`] takes 25
 //! times, at 30 000 50 times as long as one iteration with aggregation multigrid, which leaves an error of 1e-6 and
-//! 5e-6; most of it is the factorisation, whatever the number of columns.
+//! 5e-6; most of it is the factorisation, whatever the number of columns. What does win there is [`super::green`], which
+//! factorises no more than what bodies change.
 
 mod aggregation;
 mod columns;
@@ -137,6 +138,14 @@ impl CsrSolver {
     /// Zero fields without a last step, after a solve that failed: none of its numbers may be left.
     pub(crate) fn clear(&mut self) {
         for_width!(self, of => of.clear());
+    }
+
+    /// K⁻¹ between some free nodes, by columns, where the preconditioner is exact.
+    pub(crate) fn inverse(&self, nodes: &[u32]) -> Option<Vec<f64>> {
+        for_width!(self, of => {
+            let rows: Vec<usize> = nodes.iter().map(|&node| of.rows.row_of(node as usize)).collect();
+            of.inverse.exact(&rows)
+        })
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
