@@ -2,12 +2,14 @@
 
 mod background;
 mod bins;
+mod bisection;
 mod edges;
 mod gradients;
 mod lattice;
 mod quality;
 
 pub use background::Background;
+pub use bisection::{Bisection, Refinement, largest_first};
 pub use edges::{EdgeList, Edges};
 pub use gradients::barycentric_gradients;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
