@@ -30,6 +30,9 @@ pub enum MeshError {
     /// More nodes than 32-bit indices can name.
     #[error("the mesh has {0} nodes, more than 32-bit indices can name")]
     TooManyNodes(usize),
+    /// More tetrahedra than 32-bit indices can name.
+    #[error("the mesh has {0} tetrahedra, more than 32-bit indices can name")]
+    TooManyElements(usize),
     /// A coordinate is NaN or infinite.
     #[error("node {0} has a coordinate that is not finite")]
     NonFiniteNode(usize),

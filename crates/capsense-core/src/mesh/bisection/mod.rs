@@ -67,10 +67,10 @@ impl Bisection {
     /// When there are more nodes or tetrahedra than 32-bit indices can name.
     pub fn new(lattice: &Lattice) -> Result<Self, MeshError> {
         let count = lattice.tet_count();
-        let nodes = lattice.nodes();
-        if let Some(&too_many) = [count, nodes.len()].iter().find(|&&count| count >= NONE as usize) {
-            return Err(MeshError::TooManyNodes(too_many));
+        if count >= NONE as usize {
+            return Err(MeshError::TooManyElements(count));
         }
+        let nodes = lattice.nodes();
         let (mut tets, mut neighbours) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for cell in 0..count / KUHN_PATHS.len() {
             let place = lattice.cell_place(cell);

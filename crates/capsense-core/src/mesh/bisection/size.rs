@@ -33,8 +33,9 @@ impl Bisection {
                 Refinement::TooFine => refinement = Refinement::TooFine,
                 Refinement::Complete => {}
             }
-            for (split_off, &parent) in (self.lattice[1]..).zip(&self.parents).skip(before) {
-                let both = [split_off as u32, parent];
+            let split_off = self.lattice[1] + before..;
+            for (element, &parent) in split_off.zip(&self.parents[before..]) {
+                let both = [element as u32, parent];
                 oversized.extend(both.into_iter().filter_map(|element| self.oversized(element, &size)));
             }
         }
@@ -46,7 +47,7 @@ impl Bisection {
         let centroid = corners.iter().sum::<DVec3>() / 4.0;
         let wanted = corners.into_iter().map(&size).fold(size(centroid), f64::min);
         let squares = (0..4).flat_map(|i| (0..i).map(move |j| corners[i].distance_squared(corners[j])));
-        let ratio = squares.fold(0.0, f64::max).sqrt() / wanted.max(0.0);
+        let ratio = squares.fold(0.0, f64::max).sqrt() / if wanted < 0.0 { 0.0 } else { wanted };
         let generation = self.generations[element as usize];
         (ratio > 1.0).then_some(Oversized { ratio, element, generation })
     }
