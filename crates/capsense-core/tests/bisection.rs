@@ -248,8 +248,15 @@ proptest! {
             let wanted = corners.into_iter().map(size).fold(f64::INFINITY, f64::min);
             corners.iter().any(|a| corners.iter().any(|b| a.distance(*b) > wanted))
         };
-        let is_done = (0..bisection.tet_count()).find(too_long).is_none();
-        prop_assert_eq!(is_done, refinement == Refinement::Complete, "{}", bisection.tet_count());
+        if refinement == Refinement::Complete {
+            prop_assert_eq!((0..bisection.tet_count()).find(too_long), None);
+            let before = bisection.clone();
+            prop_assert_eq!(bisection.refine_to_size(size, NO_LIMIT), Refinement::Complete);
+            prop_assert_eq!(bisection, before);
+        } else {
+            prop_assert_eq!(bisection.refine_to_size(size, NO_LIMIT), Refinement::Complete);
+            prop_assert!(bisection.tet_count() > max_tets);
+        }
     }
 }
 
@@ -311,6 +318,38 @@ fn refinement_stays_local() {
     assert!(bisection.tet_count() < 2 * coarse, "{}", bisection.tet_count());
     let far = bisection.generations().iter().filter(|&&generation| generation == 0).count();
     assert!(far > coarse / 2, "{far}");
+}
+
+/// What is left of the two generations with obtuse angles is what conformity asks for between cells of two sizes.
+#[test]
+fn most_elements_are_kuhn_tetrahedra() {
+    let mut bisection = Bisection::new(&unit_cube(4)).unwrap();
+    let size = |point: DVec3| 0.03 + 0.4 * point.distance(DVec3::splat(0.3));
+    assert_eq!(bisection.refine_to_size(size, NO_LIMIT), Refinement::Complete);
+    let kuhn = bisection.generations().iter().filter(|generation| **generation % 3 == 0).count();
+    let share = kuhn as f64 / bisection.tet_count() as f64;
+    assert!(bisection.tet_count() > 5_000 && share > 0.7, "{share} of {}", bisection.tet_count());
+}
+
+/// With a budget sizes exceed those wanted by about one factor: the mesh is that of the size times the largest factor found.
+#[test]
+fn a_budget_stretches_sizes_evenly() {
+    let size = |point: DVec3| 1e-3 * (0.1 + point.distance(DVec3::splat(0.3)));
+    let mut limited = Bisection::new(&unit_cube(2)).unwrap();
+    assert_eq!(limited.refine_to_size(size, 20_000), Refinement::Full);
+    let ratio = |element: usize| {
+        let corners = limited.corners(element);
+        let lengths = corners.iter().flat_map(|a| corners.iter().map(|b| a.distance(*b)));
+        lengths.fold(0.0, f64::max) / corners.into_iter().map(size).fold(f64::INFINITY, f64::min)
+    };
+    let factor = (0..limited.tet_count()).map(ratio).fold(0.0, f64::max);
+    let mut free = Bisection::new(&unit_cube(2)).unwrap();
+    assert_eq!(free.refine_to_size(|point| factor * size(point), NO_LIMIT), Refinement::Complete);
+    let counts = [free.tet_count(), limited.tet_count()];
+    assert!(
+        counts[1] > 19_000 && counts[0] > 4 * counts[1] / 5 && counts[0] <= 5 * counts[1] / 4,
+        "{counts:?}"
+    );
 }
 
 #[test]

@@ -1,4 +1,8 @@
 //! Refinement until elements are as small as a function of position wants them.
+//!
+//! Elements are bisected three times or not at all, but where neighbours ask for more, so that nearly all of them are Kuhn tetrahedra:
+//! those of the generations between have obtuse angles. They count with the diagonal of the cell that they are of: a Kuhn
+//! tetrahedron (x0, x1, x2, x3) has it from x0 to x3; in the next two generations x3 is the cell's centre and x0 one of its corners.
 
 use super::ring::Scratch;
 use super::{Bisection, Refinement};
@@ -8,16 +12,19 @@ use std::collections::BinaryHeap;
 
 /// An element that is to be smaller.
 struct Oversized {
-    /// Its longest edge in parts of the longest wanted.
+    /// The diagonal of its cell in parts of the longest edge wanted.
     ratio: f64,
     element: u32,
     generation: u8,
 }
 
 impl Bisection {
-    /// Bisects the element that is largest in relation to the size wanted, again and again, until no edge is longer than
-    /// wanted, or one more bisection would make more than `max_tets` elements. `size` gives the longest edge wanted around a
-    /// point, in metres; the least of its values at the corners and the centroid counts. Where it is NaN, any size is right.
+    /// Bisects the element that is largest in relation to the size wanted, again and again, until no cell has a diagonal, and so no
+    /// element an edge, that is longer than wanted; or until one more bisection would make more than `max_tets` elements. The mesh
+    /// then is one of sizes that exceed those wanted by about the same factor everywhere.
+    ///
+    /// `size` gives the longest edge wanted around a point, in metres; the least of its values at the corners and the centroid
+    /// counts. Where it is NaN, any size is right.
     pub fn refine_to_size(&mut self, size: impl Fn(DVec3) -> f64, max_tets: usize) -> Refinement {
         let mut oversized: BinaryHeap<Oversized> =
             (0..self.tets.len() as u32).filter_map(|element| self.oversized(element, &size)).collect();
@@ -43,12 +50,12 @@ impl Bisection {
     }
 
     fn oversized(&self, element: u32, size: impl Fn(DVec3) -> f64) -> Option<Oversized> {
+        let generation = self.generations[element as usize];
         let corners = self.corners(element as usize);
+        let diagonal = corners[0].distance(corners[3]) * if generation.is_multiple_of(3) { 1.0 } else { 2.0 };
         let centroid = corners.iter().sum::<DVec3>() / 4.0;
         let wanted = corners.into_iter().map(&size).fold(size(centroid), f64::min);
-        let squares = (0..4).flat_map(|i| (0..i).map(move |j| corners[i].distance_squared(corners[j])));
-        let ratio = squares.fold(0.0, f64::max).sqrt() / if wanted < 0.0 { 0.0 } else { wanted };
-        let generation = self.generations[element as usize];
+        let ratio = diagonal / if wanted < 0.0 { 0.0 } else { wanted };
         (ratio > 1.0).then_some(Oversized { ratio, element, generation })
     }
 }
