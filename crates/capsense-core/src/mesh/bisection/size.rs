@@ -1,8 +1,9 @@
 //! Refinement until elements are as small as a function of position wants them.
 //!
-//! Elements are bisected three times or not at all, but where neighbours ask for more, so that nearly all of them are Kuhn tetrahedra:
-//! those of the generations between have obtuse angles. They count with the diagonal of the cell that they are of: a Kuhn
-//! tetrahedron (x0, x1, x2, x3) has it from x0 to x3; in the next two generations x3 is the cell's centre and x0 one of its corners.
+//! Elements are bisected three times or not at all, but where neighbours ask for more: the generations between have
+//! obtuse angles, and so edges of negative weight. An element counts with the diagonal of the cell that it is of. A Kuhn
+//! tetrahedron (x0, x1, x2, x3) has it from x0 to x3; in the next two generations x3 is the middle of the cell and x0 one of
+//! its corners.
 
 use super::ring::Scratch;
 use super::{Bisection, Refinement};
@@ -19,9 +20,9 @@ struct Oversized {
 }
 
 impl Bisection {
-    /// Bisects the element that is largest in relation to the size wanted, again and again, until no cell has a diagonal, and so no
-    /// element an edge, that is longer than wanted; or until one more bisection would make more than `max_tets` elements. The mesh
-    /// then is one of sizes that exceed those wanted by about the same factor everywhere.
+    /// Bisects the element of the cell that is largest in relation to the size wanted, again and again, until no cell's
+    /// diagonal, and so no element's edge, is longer than wanted; or until one more bisection would make more than
+    /// `max_tets` elements. Sizes then exceed those wanted by about the same factor everywhere.
     ///
     /// `size` gives the longest edge wanted around a point, in metres; the least of its values at the corners and the centroid
     /// counts. Where it is NaN, any size is right.
