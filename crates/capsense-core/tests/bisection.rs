@@ -12,8 +12,8 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Congruent, turned or mirrored shapes that the elements of a box of three different sides have, sizes apart: the six Kuhn
-/// tetrahedra are three, each has two different halves, and each of those two that differ.
+/// Shapes, turned or mirrored ones counted once, that the elements of a box of three different sides have, sizes apart:
+/// three Kuhn tetrahedra, a half of them for each pair of sides, and two halves of each of those.
 const SHAPES_OF_A_BOX: usize = 12;
 
 /// Of a cube: one for each of three generations.
@@ -82,8 +82,8 @@ fn face_area(mesh: &TetMesh, face: [u32; 3]) -> f64 {
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// Every face belongs to two elements or lies in the wall, so no node hangs; volumes are positive and fill the box; no two
-/// nodes are in one place.
+/// Every face belongs to two elements or lies in the wall, so no node hangs; volumes are positive and fill the box; no
+/// two nodes are in one place.
 fn assert_conforming(mesh: &TetMesh, domain: &Aabb) {
     for (face, elements) in faces(mesh) {
         let corners = face.map(|node| mesh.nodes()[node as usize]);
@@ -114,7 +114,8 @@ fn assert_planes_kept(mesh: &TetMesh, lattice: &Lattice) {
     }
 }
 
-/// Lengths of the edges in ascending order, of the size that the element's ancestor of generation 0, 1 or 2 had, rounded.
+/// Lengths of the edges in ascending order, of the size that the element's ancestor of generation 0, 1 or 2 had,
+/// rounded.
 fn shape(bisection: &Bisection, element: usize) -> [u64; 6] {
     let corners = bisection.corners(element);
     let halvings = bisection.generations()[element] / 3;
@@ -288,15 +289,18 @@ fn an_unrefined_lattice_is_the_lattice() {
 fn three_bisections_of_all_give_the_nodes_and_shapes_of_half_the_cells() {
     let lattice = unit_cube(2);
     let mut bisection = Bisection::new(&lattice).unwrap();
-    (0..3).for_each(|_| refine_all(&mut bisection));
+    // Only the first generation is obtuse.
+    for largest in [120.0, 90.0, 90.0] {
+        refine_all(&mut bisection);
+        let quality = MeshQuality::of(&bisection.to_tet_mesh().unwrap());
+        assert_relative_eq!(quality.min_dihedral_degrees, 45.0, max_relative = 1e-12);
+        assert_relative_eq!(quality.max_dihedral_degrees, largest, max_relative = 1e-12);
+    }
     let places = |nodes: &[DVec3]| -> BTreeSet<[u64; 3]> {
         nodes.iter().map(|node| node.to_array().map(f64::to_bits)).collect()
     };
     assert_eq!(places(bisection.nodes()), places(unit_cube(4).to_tet_mesh().unwrap().nodes()));
     assert_eq!(bisection.tet_count(), 8 * lattice.tet_count());
-    let quality = MeshQuality::of(&bisection.to_tet_mesh().unwrap());
-    assert_relative_eq!(quality.min_dihedral_degrees, 45.0, max_relative = 1e-12);
-    assert_relative_eq!(quality.max_dihedral_degrees, 90.0, max_relative = 1e-12);
 }
 
 #[test]
@@ -314,6 +318,18 @@ fn cubes_have_three_shapes_with_angles_from_45_to_120_degrees() {
 }
 
 #[test]
+fn boxes_have_twelve_shapes() {
+    let domain = Aabb { min: DVec3::ZERO, max: DVec3::new(1.0, 1.3, 1.9) };
+    let mut bisection = Bisection::new(&Lattice::uniform(domain, [2; 3]).unwrap()).unwrap();
+    let mut shapes = BTreeSet::new();
+    for _ in 0..7 {
+        shapes.extend((0..bisection.tet_count()).map(|element| shape(&bisection, element)));
+        refine_all(&mut bisection);
+    }
+    assert_eq!(shapes.len(), SHAPES_OF_A_BOX);
+}
+
+#[test]
 fn refinement_stays_local() {
     let mut bisection = Bisection::new(&unit_cube(8)).unwrap();
     let coarse = bisection.tet_count();
@@ -324,7 +340,7 @@ fn refinement_stays_local() {
     assert!(far > coarse / 2, "{far}");
 }
 
-/// What is left of the two generations with obtuse angles is what conformity asks for between cells of two sizes.
+/// What is left of the generations between, which may be obtuse, is what conformity asks for between cells of two sizes.
 #[test]
 fn most_elements_are_kuhn_tetrahedra() {
     let mut bisection = Bisection::new(&unit_cube(4)).unwrap();
@@ -335,7 +351,8 @@ fn most_elements_are_kuhn_tetrahedra() {
     assert!(bisection.tet_count() > 5_000 && share > 0.7, "{share} of {}", bisection.tet_count());
 }
 
-/// With a budget sizes exceed those wanted by about one factor: the mesh is that of the size times the largest factor found.
+/// With a budget sizes exceed those wanted by about one factor: the mesh is that of the size times the largest factor
+/// found.
 #[test]
 fn a_budget_stretches_sizes_evenly() {
     let size = |point: DVec3| 1e-3 * (0.1 + point.distance(DVec3::splat(0.3)));

@@ -1,8 +1,8 @@
 //! Which elements to refine, from what each contributes to an error.
 
-/// The elements with the largest indicators, largest first, the earlier of equal ones first, that make up a share of the
-/// sum of all (Dörfler, "A convergent adaptive algorithm for Poisson's equation", 1996). Indicators that are not positive
-/// are none; of a share of 1 all others are there.
+/// The elements with the largest indicators, largest first, the earlier of equal ones first, that make up a share of
+/// the sum of all (Dörfler, "A convergent adaptive algorithm for Poisson's equation", 1996). Indicators that are not
+/// positive are none; of a share of 1 all others are there.
 pub fn largest_first(indicators: &[f64], share: f64) -> Vec<u32> {
     let mut order: Vec<u32> =
         (0..).zip(indicators).filter(|(_, value)| **value > 0.0).map(|(element, _)| element).collect();

@@ -12,8 +12,8 @@ pub(super) struct Scratch {
 }
 
 impl Bisection {
-    /// Bisects one element. Where an element around its edge is to be bisected at another one, that comes first; it is of an
-    /// earlier generation, so no more of them wait than there are generations.
+    /// Bisects one element. Where an element around its edge is to be bisected at another one, that comes first; it is
+    /// of an earlier generation, so no more of them wait than there are generations.
     pub(super) fn bisect(&mut self, element: u32, max_tets: usize, scratch: &mut Scratch) -> Refinement {
         if self.generations[element as usize] >= LAST_GENERATION {
             return Refinement::TooFine;
@@ -47,8 +47,8 @@ impl Bisection {
         [tet[0], tet[self.place(element)]]
     }
 
-    /// Collects the elements around the edge at which an element will be bisected, or else returns the first that will be
-    /// bisected at another one.
+    /// Collects the elements around the edge at which an element will be bisected, or else returns the first that will
+    /// be bisected at another one.
     fn collect_ring(&self, element: u32, ring: &mut Vec<u32>) -> Option<u32> {
         let edge = self.edge(element);
         let tet = self.tets[element as usize];

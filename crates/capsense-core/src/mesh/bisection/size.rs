@@ -1,9 +1,9 @@
 //! Refinement until elements are as small as a function of position wants them.
 //!
-//! Elements are bisected three times or not at all, but where neighbours ask for more: the generations between have
-//! obtuse angles, and so edges of negative weight. An element counts with the diagonal of the cell that it is of. A Kuhn
-//! tetrahedron (x0, x1, x2, x3) has it from x0 to x3; in the next two generations x3 is the middle of the cell and x0 one of
-//! its corners.
+//! Elements are bisected three times or not at all, but where neighbours ask for more: the generations between
+//! may have obtuse angles, and so edges of negative weight. An element counts with the diagonal of the cell that it is of. A
+//! Kuhn tetrahedron (x0, x1, x2, x3) has it from x0 to x3; in the next two generations x3 is the middle of the cell and
+//! x0 one of its corners.
 
 use super::ring::Scratch;
 use super::{Bisection, Refinement};
@@ -24,8 +24,8 @@ impl Bisection {
     /// diagonal, and so no element's edge, is longer than wanted; or until one more bisection would make more than
     /// `max_tets` elements. Sizes then exceed those wanted by about the same factor everywhere.
     ///
-    /// `size` gives the longest edge wanted around a point, in metres; the least of its values at the corners and the centroid
-    /// counts. Where it is NaN, any size is right.
+    /// `size` gives the longest edge wanted around a point, in metres; the least of its values at the corners and the
+    /// centroid counts. Where it is NaN, any size is right.
     pub fn refine_to_size(&mut self, size: impl Fn(DVec3) -> f64, max_tets: usize) -> Refinement {
         let mut oversized: BinaryHeap<Oversized> =
             (0..self.tets.len() as u32).filter_map(|element| self.oversized(element, &size)).collect();
