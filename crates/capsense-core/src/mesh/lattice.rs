@@ -96,12 +96,6 @@ impl Lattice {
     /// When there are more nodes than 32-bit indices can name.
     pub fn to_tet_mesh(&self) -> Result<TetMesh, MeshError> {
         let [nx, ny, nz] = self.node_counts();
-        let nodes = self.axes[2]
-            .iter()
-            .flat_map(|&z| {
-                self.axes[1].iter().flat_map(move |&y| self.axes[0].iter().map(move |&x| DVec3::new(x, y, z)))
-            })
-            .collect();
         let mut tets = Vec::with_capacity(self.tet_count());
         for k in 0..nz - 1 {
             for j in 0..ny - 1 {
@@ -110,17 +104,30 @@ impl Lattice {
                 }
             }
         }
-        TetMesh::new(nodes, tets)
+        TetMesh::new(self.nodes(), tets)
     }
 
-    /// The tetrahedron whose corners are met on a walk along the three axes in the given order.
-    fn kuhn_tet(&self, cell: [usize; 3], path: [usize; 3]) -> [u32; 4] {
+    /// Positions of all nodes, in metres.
+    pub(super) fn nodes(&self) -> Vec<DVec3> {
+        let [x, y, z] = &self.axes;
+        let row = |y: f64, z: f64| x.iter().map(move |&x| DVec3::new(x, y, z));
+        z.iter().flat_map(|&z| y.iter().flat_map(move |&y| row(y, z))).collect()
+    }
+
+    /// The corners that are met on a walk through a cell along the three axes in the given order.
+    pub(super) fn kuhn_path(&self, cell: [usize; 3], path: [usize; 3]) -> [u32; 4] {
         let mut corner = cell;
         let mut tet = [self.node_index(corner) as u32; 4];
         for (step, axis) in path.into_iter().enumerate() {
             corner[axis] += 1;
             tet[step + 1] = self.node_index(corner) as u32;
         }
+        tet
+    }
+
+    /// The tetrahedron of a path, with positive orientation.
+    fn kuhn_tet(&self, cell: [usize; 3], path: [usize; 3]) -> [u32; 4] {
+        let mut tet = self.kuhn_path(cell, path);
         let odd = path == [0, 2, 1] || path == [1, 0, 2] || path == [2, 1, 0];
         if odd {
             tet.swap(2, 3);
@@ -134,7 +141,9 @@ fn place_of_index(index: usize, [nx, ny, _]: [usize; 3]) -> [usize; 3] {
     [index % nx, index / nx % ny, index / (nx * ny)]
 }
 
-const KUHN_PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]];
+/// Paths through a cell; those of even permutations first.
+pub(super) const KUHN_PATHS: [[usize; 3]; 6] =
+    [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [1, 0, 2], [2, 1, 0]];
 
 /// Coordinates from `low` to `high` that are `finest` apart in the fine intervals and at `planes`, and whose spacing
 /// grows by about `growth - 1` times the distance from the nearest of these. All of `planes` and the ends of the fine

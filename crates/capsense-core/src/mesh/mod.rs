@@ -2,12 +2,14 @@
 
 mod background;
 mod bins;
+mod bisection;
 mod edges;
 mod gradients;
 mod lattice;
 mod quality;
 
 pub use background::Background;
+pub use bisection::{Bisection, Refinement, largest_first};
 pub use edges::{EdgeList, Edges};
 pub use gradients::barycentric_gradients;
 pub(crate) use lattice::spaced_axis;
@@ -29,6 +31,9 @@ pub enum MeshError {
     /// More nodes than 32-bit indices can name.
     #[error("the mesh has {0} nodes, more than 32-bit indices can name")]
     TooManyNodes(usize),
+    /// More tetrahedra than 32-bit indices can name.
+    #[error("the mesh has {0} tetrahedra, more than 32-bit indices can name")]
+    TooManyElements(usize),
     /// A coordinate is NaN or infinite.
     #[error("node {0} has a coordinate that is not finite")]
     NonFiniteNode(usize),
