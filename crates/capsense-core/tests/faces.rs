@@ -19,7 +19,9 @@ const DOMAIN: Aabb = Aabb { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) };
 fn raised_by(permittivity: f64, shape: Shape, centre: DVec3) -> f64 {
     let electrodes = vec![rectangle("E", [0.0; 2], [0.06, 0.04])];
     let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
-    let sensor = Sensor::on_lattice(&design, &design.lattice(20_000).unwrap()).unwrap();
+    // Its halves must be mirror images, too.
+    let lattice = design.lattice_of_spacing(0.006, 1.4).unwrap();
+    let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
     let mut simulator = Simulator::new(sensor, vec![dielectric(permittivity)], to(1e-10)).unwrap();
     let mut solids = Solids::new(&[shape]).unwrap();
     solids.place(&[Pose::at(centre)]).unwrap();

@@ -318,8 +318,8 @@ fn a_dielectric_of_any_strength_is_a_floating_conductor() {
                 let report = simulator.step(&block).unwrap().solve;
                 let error = relative_error(simulator.capacitance(), floating.capacitance());
                 let case = format!("{tets}, {permittivity:e}, {tolerance:e}");
-                // Both are solved to within a tolerance.
-                assert!(error < 4.0 * tolerance + 1.0 / permittivity, "{case}: {error:e}");
+                // Both are solved to a tolerance, which a frame may miss by three times.
+                assert!(error < 6.0 * tolerance + 1.0 / permittivity, "{case}: {error:e}");
                 assert!(report.iterations < 40, "{case}: {report:?}");
             }
         }

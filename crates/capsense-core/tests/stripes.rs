@@ -157,7 +157,12 @@ fn what_changed_is_told_in_increasing_order() {
 
 #[test]
 fn a_bar_thinner_than_an_edge_still_screens() {
-    let mut simulator = simulator(vec![GROUNDED], EXACT);
+    // A camera knows how far the bar reaches to the side between planes of nodes to a cell only, and within them exactly: cells
+    // there must be small.
+    let design = three_stripes();
+    let lattice = design.lattice_of_spacing(0.0075, 1.572).unwrap();
+    let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
+    let mut simulator = Simulator::new(sensor, vec![GROUNDED], EXACT).unwrap();
     let sheet = |height| {
         let thick = bar(height, 0.0);
         Aabb { max: thick.max.with_z(thick.min.z + 1e-4), ..thick }

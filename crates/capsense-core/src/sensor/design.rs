@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 const SPACING_STEPS: usize = 24;
 
 /// Heights of layers that are tried, in relation to what usually is best; the first is the most.
-const HEIGHTS: [f64; 7] = [1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
+const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
@@ -117,17 +117,33 @@ impl SensorDesign {
         if coarsest.tet_count() > max_tets {
             return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
         }
-        // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers.
-        let mut best = (f64::INFINITY, coarsest);
+        // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers. Where they are
+        // so narrow that none of a lattice's nodes are within them, they need more than their part.
+        let mut best = ((true, f64::INFINITY), coarsest);
         for height in HEIGHTS {
             let (finest, lattice) = self.finest_lattice(max_tets, |finest| grading(finest, height))?;
             // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
             let coarseness = finest * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
-            if coarseness < best.0 {
-                best = (coarseness, lattice);
+            let rank = (!self.is_resolved_by(&lattice), coarseness);
+            if rank < best.0 {
+                best = (rank, lattice);
             }
         }
         Ok(best.1)
+    }
+
+    /// Whether each electrode has a node within its rim.
+    fn is_resolved_by(&self, lattice: &Lattice) -> bool {
+        let [xs, ys, _] = lattice.axes();
+        let slack = IN_PLANE * self.domain.size().max_element();
+        self.electrodes.iter().all(|Electrode { outline, .. }| {
+            let [low, high] = outline.bounds();
+            let between = |low: f64, high: f64| move |x: &&f64| (low..=high).contains(*x);
+            xs.iter().filter(between(low.x, high.x)).any(|&x| {
+                let nodes = ys.iter().filter(between(low.y, high.y)).map(|&y| DVec2::new(x, y));
+                nodes.into_iter().any(|node| outline.contains(node) && outline.distance_to_rim(node) > slack)
+            })
+        })
     }
 
     /// The lattice of the finest spacing that has no more tetrahedra, and this spacing; the coarsest if that has more.
