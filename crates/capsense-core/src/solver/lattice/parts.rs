@@ -11,8 +11,8 @@ use std::ops::Range;
 /// A slab must have so many planes, for the borders at its two ends not to touch.
 const MIN_PLANES: usize = 8;
 
-/// Below this number of nodes, threads take longer to wake than they save.
-const WORTHWHILE: usize = 20_000;
+/// Below this number of nodes, threads lose more with borders than they save.
+const WORTHWHILE: usize = 4_000;
 
 /// How the planes of a lattice are cut.
 #[derive(Clone, Debug)]
