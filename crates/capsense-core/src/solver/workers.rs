@@ -2,7 +2,7 @@
 //!
 //! A frame has many short phases that threads share, shorter than a sleeping thread takes to wake. So the helpers of the
 //! calling thread are woken once, when a frame begins, and look for work without sleeping until it ends. Nobody waits for
-//! one that is not awake yet: what it would do, the calling thread does.
+//! one that is not awake yet, or whose core something else has just taken: what it would do, the calling thread does.
 
 use rayon::{ThreadPool, Yield};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -17,6 +17,10 @@ const WORTHWHILE: usize = 20_000;
 /// After so many looks in vain, a tenth of a millisecond or so, a thread offers its core to others. Not earlier, as it may
 /// not get it back before it is needed.
 const LOOKS: usize = 4096;
+
+/// So often, for a microsecond or so, the calling thread looks whether helpers that should look for work do. One that was
+/// given a task while it has no core would hold up the frame.
+const LOOKS_AT_HELPERS: usize = 32;
 
 /// Does work that the compiler can vectorise with the widest instructions of this machine. Not one of them fuses or
 /// reorders operations, so the result is the same on every machine. The work must be an `#[inline(always)]` closure.
@@ -47,6 +51,8 @@ struct Attendance {
     shift: AtomicUsize,
     /// How many helpers are awake and have nothing to do.
     idle: AtomicUsize,
+    /// Counts up as these look for work.
+    looks: AtomicUsize,
 }
 
 /// Keeps the helpers awake as long as it lives.
@@ -131,10 +137,18 @@ impl Workers {
 impl Team {
     /// Takes so many helpers at most that are idle. None for a helper: while it waited it might be called for good.
     fn claim(&self, most: usize) -> usize {
-        if self.pool.current_thread_index().is_some() {
+        let Attendance { idle, looks, .. } = &*self.attendance;
+        if idle.load(Ordering::Acquire) == 0 || self.pool.current_thread_index().is_some() {
             return 0;
         }
-        let idle = &self.attendance.idle;
+        let before = looks.load(Ordering::Relaxed);
+        let is_moving = |_| {
+            std::hint::spin_loop();
+            looks.load(Ordering::Relaxed) != before
+        };
+        if !(0..LOOKS_AT_HELPERS).any(is_moving) {
+            return 0;
+        }
         let rest = |idle: usize| Some(idle.saturating_sub(most));
         idle.fetch_update(Ordering::AcqRel, Ordering::Acquire, rest).map_or(0, |idle| idle.min(most))
     }
@@ -175,7 +189,10 @@ impl Attendance {
         self.idle.fetch_add(1, Ordering::AcqRel);
         spin_while(
             || self.shift.load(Ordering::Acquire) == shift,
-            || matches!(rayon::yield_now(), Some(Yield::Executed)),
+            || {
+                self.looks.fetch_add(1, Ordering::Relaxed);
+                matches!(rayon::yield_now(), Some(Yield::Executed))
+            },
         );
         self.idle.fetch_sub(1, Ordering::AcqRel);
     }
@@ -228,15 +245,19 @@ mod tests {
 
     const ROWS: usize = 1_000_000;
 
-    /// Does as many tasks as there are threads, each of which waits for all others; returns who did them.
-    fn meet(workers: &Workers) -> HashSet<ThreadId> {
-        let (here, seen) = (AtomicUsize::new(0), Mutex::new(HashSet::new()));
-        workers.for_each(0..workers.threads(), |_| {
-            here.fetch_add(1, Ordering::AcqRel);
-            spin_while(|| here.load(Ordering::Acquire) < workers.threads(), || false);
-            seen.lock().unwrap_or_else(PoisonError::into_inner).insert(current().id());
-        });
-        seen.into_inner().unwrap_or_else(PoisonError::into_inner)
+    /// Does tasks, each once, until all threads have had one.
+    fn meet(workers: &Workers) {
+        let seen = Mutex::new(HashSet::<ThreadId>::new());
+        let all_seen = || seen.lock().unwrap_or_else(PoisonError::into_inner).len() == workers.threads();
+        while !all_seen() {
+            let mut done = [0; 50];
+            workers.for_each(done.iter_mut(), |done| {
+                *done += 1;
+                seen.lock().unwrap_or_else(PoisonError::into_inner).insert(current().id());
+                std::thread::yield_now();
+            });
+            assert_eq!(done, [1; 50]);
+        }
     }
 
     #[test]
@@ -245,7 +266,7 @@ mod tests {
         for _ in 0..20 {
             let _awake = workers.wake_all();
             for _ in 0..20 {
-                assert_eq!(meet(&workers).len(), 3);
+                meet(&workers);
             }
         }
     }
@@ -268,28 +289,18 @@ mod tests {
     fn a_helper_does_the_second_of_two_things_and_then_helps_with_the_first() {
         let workers = Workers::new(2, ROWS);
         let _awake = workers.wake_all();
-        let (caller, second) = (current().id(), AtomicUsize::new(0));
-        workers.both(
-            || {
-                spin_while(|| second.load(Ordering::Acquire) == 0, || false);
-                spin_while(
-                    || {
-                        workers
-                            .team
-                            .as_deref()
-                            .is_some_and(|team| team.attendance.idle.load(Ordering::Acquire) == 0)
-                    },
-                    || false,
-                );
-                assert_eq!(meet(&workers).len(), 2);
-            },
-            || {
-                assert_ne!(current().id(), caller);
+        let (caller, by_helper) = (current().id(), AtomicUsize::new(0));
+        // A helper without a core is not given anything.
+        while by_helper.load(Ordering::Acquire) == 0 {
+            let second = || {
+                let me = current().id();
                 // Within a task, nobody waits for others.
-                workers.for_each(0..5, |_| assert_ne!(current().id(), caller));
-                second.store(1, Ordering::Release);
-            },
-        );
+                workers.for_each(0..5, |_| assert_eq!(current().id(), me));
+                by_helper.fetch_add(usize::from(me != caller), Ordering::AcqRel);
+            };
+            workers.both(|| workers.for_each(0..5, |_| ()), second);
+        }
+        workers.both(|| meet(&workers), || ());
     }
 
     /// Helpers stay as long as anyone wants them, and are idle again even after a panic.
@@ -298,10 +309,12 @@ mod tests {
         let workers = Workers::new(2, ROWS);
         let outer = workers.wake_all();
         drop(workers.wake());
-        assert_eq!(meet(&workers).len(), 2);
-        let both = || workers.both(|| (), || assert_eq!(workers.threads(), 1));
-        assert!(std::panic::catch_unwind(std::panic::AssertUnwindSafe(both)).is_err());
-        assert_eq!(meet(&workers).len(), 2);
+        meet(&workers);
+        let caller = current().id();
+        let both = || workers.both(|| (), || assert_eq!(current().id(), caller));
+        let fails = || std::panic::catch_unwind(std::panic::AssertUnwindSafe(both)).is_err();
+        while !fails() {}
+        meet(&workers);
         drop(outer);
     }
 }
