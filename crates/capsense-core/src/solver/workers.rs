@@ -5,7 +5,8 @@
 //! one that is not awake yet, or whose core something else has just taken: what it would do, the calling thread does.
 
 use rayon::{ThreadPool, Yield};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Number of rows that one task takes. Sums are made by task and added in the order of the rows.
@@ -17,6 +18,10 @@ const WORTHWHILE: usize = 20_000;
 /// After so many looks in vain, a tenth of a millisecond or so, a thread offers its core to others. Not earlier, as it may
 /// not get it back before it is needed.
 const LOOKS: usize = 4096;
+
+/// So many looks after a frame, a helper goes to sleep: what follows a frame at once, as a solve does an update, finds it
+/// awake.
+const LOOKS_BEFORE_SLEEP: usize = 1024;
 
 /// So often, for a microsecond or so, the calling thread looks whether helpers that should look for work do. One that was
 /// given a task while it has no core would hold up the frame.
@@ -43,12 +48,12 @@ struct Team {
 }
 
 /// Who needs helpers, and which of them are there.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Attendance {
     /// How many have asked for helpers and still want them.
     callers: AtomicUsize,
-    /// Counts up when the first caller comes and when the last one goes.
-    shift: AtomicUsize,
+    /// For each helper, whether it looks for work or does some.
+    is_awake: Vec<AtomicBool>,
     /// How many helpers are awake and have nothing to do.
     idle: AtomicUsize,
     /// Counts up as these look for work.
@@ -67,7 +72,8 @@ impl Workers {
         let pool = (helpers > 0)
             .then(|| rayon::ThreadPoolBuilder::new().num_threads(helpers).build().ok())
             .flatten();
-        Self { team: pool.map(|pool| Arc::new(Team { pool, attendance: Arc::default() })) }
+        let team = |pool| Team { pool, attendance: Arc::new(Attendance::of(helpers)) };
+        Self { team: pool.map(|pool| Arc::new(team(pool))) }
     }
 
     /// How many threads there are, the calling one included.
@@ -78,11 +84,11 @@ impl Workers {
     /// Wakes the helpers, without waiting for them.
     pub(super) fn wake(&self) -> Awake {
         if let Some(Team { pool, attendance }) = self.team.as_deref()
-            && attendance.callers.fetch_add(1, Ordering::AcqRel) == 0
+            && attendance.callers.fetch_add(1, Ordering::SeqCst) == 0
+            && !attendance.is_awake.iter().all(|awake| awake.load(Ordering::SeqCst))
         {
-            let shift = attendance.shift.fetch_add(1, Ordering::AcqRel) + 1;
             let attendance = attendance.clone();
-            pool.spawn_broadcast(move |_| attendance.attend(shift));
+            pool.spawn_broadcast(move |helper| attendance.attend(helper.index()));
         }
         Awake(self.team.clone())
     }
@@ -184,26 +190,35 @@ impl Drop for Done<'_> {
 }
 
 impl Attendance {
-    /// A helper does what it is given until the shift ends.
-    fn attend(&self, shift: usize) {
-        self.idle.fetch_add(1, Ordering::AcqRel);
-        spin_while(
-            || self.shift.load(Ordering::Acquire) == shift,
-            || {
+    fn of(helpers: usize) -> Self {
+        let is_awake = (0..helpers).map(|_| AtomicBool::new(false)).collect();
+        Self { callers: AtomicUsize::new(0), is_awake, idle: AtomicUsize::new(0), looks: AtomicUsize::new(0) }
+    }
+
+    /// A helper does what it is given until nobody wants it for a while. Nothing if that is what it does.
+    fn attend(&self, helper: usize) {
+        let Some(is_awake) = self.is_awake.get(helper) else { return };
+        let is_wanted = || self.callers.load(Ordering::SeqCst) > 0;
+        while is_wanted() && !is_awake.swap(true, Ordering::SeqCst) {
+            self.idle.fetch_add(1, Ordering::AcqRel);
+            let in_vain = Cell::new(0);
+            let act = || {
                 self.looks.fetch_add(1, Ordering::Relaxed);
+                in_vain.set(if is_wanted() { 0 } else { in_vain.get() + 1 });
                 matches!(rayon::yield_now(), Some(Yield::Executed))
-            },
-        );
-        self.idle.fetch_sub(1, Ordering::AcqRel);
+            };
+            spin_while(|| in_vain.get() < LOOKS_BEFORE_SLEEP, act);
+            self.idle.fetch_sub(1, Ordering::AcqRel);
+            // Who came before this does not wake a helper that still was awake, but then it is wanted.
+            is_awake.store(false, Ordering::SeqCst);
+        }
     }
 }
 
 impl Drop for Awake {
     fn drop(&mut self) {
-        if let Some(Team { attendance, .. }) = self.0.as_deref()
-            && attendance.callers.fetch_sub(1, Ordering::AcqRel) == 1
-        {
-            attendance.shift.fetch_add(1, Ordering::AcqRel);
+        if let Some(team) = &self.0 {
+            team.attendance.callers.fetch_sub(1, Ordering::SeqCst);
         }
     }
 }
