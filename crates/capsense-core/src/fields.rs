@@ -5,7 +5,7 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{EdgeFields, FieldSolver, Preconditioner, SolveError, SolveReport, SolverOptions};
+use crate::solver::{Awake, EdgeFields, FieldSolver, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -64,6 +64,11 @@ impl Fields {
         };
         fields.reset();
         fields
+    }
+
+    /// Wakes the threads that share the work.
+    pub(crate) fn wake(&self) -> Awake {
+        self.solver.wake()
     }
 
     /// Free rows at 0 V, fixed rows at their potentials.

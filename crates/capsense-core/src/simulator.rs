@@ -167,6 +167,7 @@ impl Simulator {
     /// # Errors
     /// As these two.
     pub fn step(&mut self, surfaces: &impl Surfaces) -> Result<StepReport, SimulatorError> {
+        let _awake = self.fields.wake();
         let changed_edges = self.update(surfaces)?;
         let solve = self.solve()?;
         Ok(StepReport { changed_edges, solve })
@@ -184,6 +185,7 @@ impl Simulator {
                 known: self.materials.len(),
             });
         }
+        let _awake = self.fields.wake();
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
             terminals: self.sensor.owners(),
@@ -215,6 +217,7 @@ impl Simulator {
     /// When the solver fails; [`Simulator::capacitance`] then still is that of the frame before, and the next solve
     /// starts from zero.
     pub fn solve(&mut self) -> Result<SolveReport, SimulatorError> {
+        let _awake = self.fields.wake();
         let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
         self.fields.maxwell(&mut self.held);
         self.released.copy_leading(&self.held);

@@ -9,9 +9,10 @@ use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::Aabb;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::occupancy::Contact;
+use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::SolverOptions;
-use common::{EXACT, FLOATING, GROUNDED, bar, depth_of_boxes, stripes_sensor};
+use common::{EXACT, FLOATING, GROUNDED, bar, depth_of_boxes, stripes_sensor, three_stripes};
 use proptest::prelude::*;
 
 fn simulator(materials: Vec<Material>, options: SolverOptions) -> Simulator {

@@ -8,7 +8,7 @@ use super::green::Green;
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
-use super::workers::Workers;
+use super::workers::{Awake, Workers};
 use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
@@ -87,6 +87,11 @@ impl FieldSolver {
             green: None,
             answered: None,
         }
+    }
+
+    /// Wakes the threads that share the work.
+    pub(crate) fn wake(&self) -> Awake {
+        self.workers.wake()
     }
 
     /// The potential of a row in one column.
@@ -240,11 +245,11 @@ impl FieldSolver {
 
     fn improve(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
         let lost = std::mem::take(&mut self.residual_is_lost);
-        let Self { vectors, workers, iteration, demand, .. } = self;
-        workers.among(|| match vectors {
+        let Self { vectors, iteration, demand, .. } = self;
+        match vectors {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
             Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
-        })
+        }
     }
 
     fn is_single(&self) -> bool {

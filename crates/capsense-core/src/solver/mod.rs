@@ -20,6 +20,7 @@ pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub use preconditioner::Preconditioner;
+pub(crate) use workers::Awake;
 
 /// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
 const ROUNDING: f64 = 1e-16;

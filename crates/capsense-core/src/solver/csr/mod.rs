@@ -254,15 +254,17 @@ impl<const L: usize> Solver<L> {
     fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
         self.rows.refresh(matrix, fixed, changed);
         self.rows.changed().iter().for_each(|&row| self.stale.push(row));
-        self.inverse.refresh(&self.rows);
         if self.stale.rows.len() * MANY > self.rows.len() {
+            self.inverse.refresh(&self.rows);
             self.evaluate();
         } else {
-            self.stale.rows.sort_unstable();
-            for index in 0..self.groups.len() {
-                self.groups[index].evaluate_rows(&self.rows, &self.stale.rows);
-                self.take_energies(index);
-            }
+            let Self { rows, groups, inverse, stale, workers, .. } = self;
+            let charges = || {
+                stale.rows.sort_unstable();
+                groups.iter_mut().for_each(|group| group.evaluate_rows(rows, &stale.rows));
+            };
+            workers.both(|| inverse.refresh(rows), charges);
+            (0..self.groups.len()).for_each(|index| self.take_energies(index));
             self.add_cross_energies();
         }
         self.stale.clear();

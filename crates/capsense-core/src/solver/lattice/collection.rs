@@ -10,8 +10,11 @@ use crate::solver::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
-/// So many rows keep a thread busy for longer than it takes to wake.
-const ROWS_OF_A_TASK: usize = 40;
+/// So many rows keep a thread busy for longer than it takes to hand them over.
+const ROWS_OF_A_TASK: usize = 16;
+
+/// Up to so many tasks for each thread, as some take longer and some threads come later.
+pub(super) const TASKS_OF_A_THREAD: usize = 4;
 
 /// What a stage makes of the fine network.
 #[derive(Clone, Debug, Default)]
@@ -19,11 +22,11 @@ pub(super) struct Made {
     pub(super) coarse: Network,
     /// Where it changed last.
     pub(super) changed: Changed,
-    /// Storage for each thread; the first has what a single one needs.
+    /// Storage for each task; the first has what a single thread needs.
     pub(super) rooms: Vec<Room>,
 }
 
-/// Storage for one thread.
+/// Storage for one task.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Room {
     pub(super) row: CoarseRow,

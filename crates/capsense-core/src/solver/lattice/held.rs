@@ -3,6 +3,11 @@
 
 use super::LatticeSolver;
 use super::charges::{NodeCharges, Place};
+use super::layout::Layout;
+use super::level::Level;
+use super::links::ObjectLinks;
+use super::potentials::Potentials;
+use crate::solver::operator::State;
 
 /// The nodes that are at 1 V in some column.
 #[derive(Clone, Debug)]
@@ -18,22 +23,57 @@ impl Held {
     }
 }
 
-impl LatticeSolver {
-    /// Looks for nodes that are held now among some.
-    pub(super) fn find_held(&mut self, fixed: &[bool], changed: &[u32]) {
+/// What the energies of fields are made of.
+pub(super) struct Energies<'a> {
+    pub(super) of_nodes: Layout,
+    pub(super) potentials: &'a Potentials,
+    pub(super) links: &'a ObjectLinks,
+    pub(super) finest: &'a Level,
+    pub(super) of_free: &'a [f64],
+    pub(super) held: &'a mut Held,
+    pub(super) state: &'a mut State,
+    /// Room for one node.
+    pub(super) node: &'a mut NodeCharges,
+}
+
+impl Held {
+    /// Looks for nodes that are held now among some, at potentials that are not zero in some column.
+    pub(super) fn find(
+        &mut self,
+        [of_nodes, layout]: [&Layout; 2],
+        potentials: &Potentials,
+        fixed: &[bool],
+        changed: &[u32],
+    ) {
         for &node in changed {
             let row = node as usize;
-            let is_held = fixed[row] && (0..self.columns).any(|column| self.potential(column, row) != 0.0);
-            if is_held && !std::mem::replace(&mut self.held.is_listed[row], true) {
-                self.held.nodes.push(node);
+            if !fixed[row] || self.is_listed[row] {
+                continue;
+            }
+            let Place { colour, first, .. } = Place::of(row, of_nodes, layout);
+            let potential = |column| potentials.get(colour, layout.in_column(column, first));
+            if (0..layout.columns).any(|column| potential(column) != 0.0) {
+                self.is_listed[row] = true;
+                self.nodes.push(node);
             }
         }
     }
+}
 
+impl LatticeSolver {
     /// The energies: those of free rows, and with them what is held.
     pub(super) fn add_held(&mut self) {
-        let columns = self.columns;
-        self.state.energies.copy_from_slice(&self.of_free);
+        let Self { of_nodes, potentials, links, of_free, held, state, node, .. } = self;
+        let (of_nodes, finest) = (*of_nodes, &self.hierarchy.levels[0]);
+        Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
+    }
+}
+
+impl Energies<'_> {
+    /// The energies: those of free rows, and with them what is held.
+    pub(super) fn add_held(&mut self) {
+        let columns = self.finest.layout.columns;
+        self.state.energies.copy_from_slice(self.of_free);
         self.state.charge.fill(0.0);
         let mut nodes = std::mem::take(&mut self.held.nodes);
         nodes.retain(|&node| {
@@ -52,9 +92,9 @@ impl LatticeSolver {
 
     /// Adds what one node holds. Returns whether it does.
     fn add_node(&mut self, node: usize) -> bool {
-        let Self { columns, potentials, links, hierarchy, node: of_node, state, .. } = self;
-        let (columns, finest) = (*columns, &hierarchy.levels[0]);
-        let place = Place::of(node, &self.of_nodes, &self.layout);
+        let Self { of_nodes, potentials, links, finest, node: of_node, state, .. } = self;
+        let columns = finest.layout.columns;
+        let place = Place::of(node, of_nodes, &finest.layout);
         if finest.stencil.centre[place.colour][place.at] != 0.0 {
             return false;
         }
@@ -73,8 +113,8 @@ impl LatticeSolver {
 
     /// Adds the charges that links bring to electrodes and objects, each as if it led to a node of its own.
     fn add_links(&mut self) {
-        let Self { columns, layout, potentials, links, state, .. } = self;
-        let columns = *columns;
+        let Self { potentials, links, finest, state, .. } = self;
+        let (layout, columns) = (finest.layout, finest.layout.columns);
         for link in links.all() {
             let of_object = &links.potentials[link.object * columns..][..columns];
             for (t, &at_object) in of_object.iter().enumerate() {

@@ -191,13 +191,13 @@ impl Coarser<'_> {
     /// Recomputes them where the finest level changed.
     pub(super) fn refresh(self, workers: &Workers, arch: Arch) {
         let (mut fine, mut changed) = (self.finest, self.changed);
-        for (transfer, level) in self.transfers.iter_mut().zip(self.levels) {
+        for transfer in &mut *self.transfers {
             transfer.refresh(workers, arch, fine, changed);
-            if let Some((coarse, coarse_changed)) = transfer.coarse() {
-                (fine, changed) = (coarse, coarse_changed);
-                level.refresh(arch, fine, changed);
-            }
+            (fine, changed) = transfer.coarse().unwrap_or((fine, changed));
         }
+        let networks = self.transfers.iter().zip(self.levels);
+        let networks = networks.filter_map(|(transfer, level)| transfer.coarse().zip(Some(level)));
+        workers.for_each(networks, |((network, changed), level)| level.refresh(arch, network, changed));
     }
 }
 

@@ -37,7 +37,7 @@ use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use charges::NodeCharges;
-use held::Held;
+use held::{Energies, Held};
 use hierarchy::Hierarchy;
 use layout::{Coloured, Layout};
 use links::ObjectLinks;
@@ -224,18 +224,25 @@ impl LatticeSolver {
         } else {
             changed
         };
-        for node in changed.iter().map(|&node| node as usize) {
-            self.potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
-        }
-        self.find_held(fixed, changed);
-        self.links.collect(&of_nodes, &layout, matrix);
-        self.hierarchy.refresh_finest(self.arch, matrix, fixed, changed);
-        let Self { arch, potentials, links, of_free, state, node, workers, .. } = self;
-        let (finest, coarser) = self.hierarchy.split();
-        let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
-        let residuals = || changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
-        workers.both(residuals, || coarser.refresh(workers, *arch));
-        self.add_held();
+        let Self { arch, potentials, links, hierarchy, of_free, held, state, node, workers, .. } = self;
+        let arch = *arch;
+        let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed);
+        let besides = || {
+            for node in changed.iter().map(|&node| node as usize) {
+                potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
+            }
+            held.find([&of_nodes, &layout], potentials, fixed, changed);
+            links.collect(&of_nodes, &layout, matrix);
+        };
+        workers.both(finest, besides);
+        let (finest, coarser) = hierarchy.split();
+        let (potentials, links) = (&*potentials, &*links);
+        let residuals = || {
+            let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
+            changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
+            Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
+        };
+        workers.both(|| coarser.refresh(workers, arch), residuals);
     }
 }
 

@@ -11,8 +11,11 @@ use std::ops::Range;
 /// A slab must have so many planes, for the borders at its two ends not to touch.
 const MIN_PLANES: usize = 8;
 
-/// Below this number of nodes, threads take longer to wake than they save.
-const WORTHWHILE: usize = 20_000;
+/// A slab without borders must have so many, as each goes through two or three planes of its neighbours again.
+const MIN_PLANES_APART: usize = 4;
+
+/// Below this number of nodes, threads lose more with borders than they save.
+const WORTHWHILE: usize = 3_000;
 
 /// How the planes of a lattice are cut.
 #[derive(Clone, Debug)]
@@ -39,7 +42,24 @@ impl Parts {
     pub(super) fn new(layout: &Layout, threads: usize) -> Self {
         let planes = layout.planes();
         let count = threads.min(planes.len() / MIN_PLANES).max(1);
-        let border = |slab: usize| planes.start + planes.len() * slab / count;
+        Self::cut_at(layout, count, |slab| planes.start + planes.len() * slab / count)
+    }
+
+    /// Cuts planes that each know how many planes of another lattice are before them, so that slabs have as many of
+    /// those. They do not border on each other.
+    pub(super) fn apart(layout: &Layout, threads: usize, before: impl Fn(usize) -> usize) -> Self {
+        let planes = layout.planes();
+        let count = threads.min(planes.len() / MIN_PLANES_APART).max(1);
+        let (first, all) = (before(planes.start), before(planes.end) - before(planes.start));
+        let border = |slab: usize| {
+            let reached = |plane: &usize| before(*plane) - first >= all * slab / count;
+            planes.clone().find(reached).filter(|_| slab < count).unwrap_or(planes.end)
+        };
+        Self { borders: Vec::new(), ..Self::cut_at(layout, count, border) }
+    }
+
+    /// So many slabs, each from its border to the next.
+    fn cut_at(layout: &Layout, count: usize, border: impl Fn(usize) -> usize) -> Self {
         let all = 0..layout.counts[2];
         let slabs = (0..count).map(|slab| {
             let first = border(slab)..border(slab + 1);

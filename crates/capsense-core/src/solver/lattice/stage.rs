@@ -9,7 +9,7 @@
 //! arithmetic in `coarsening`, and how threads share them in `collection`.
 
 use super::coarse_row::{CoarseRow, Share};
-use super::collection::{Made, Room};
+use super::collection::{Made, Room, TASKS_OF_A_THREAD};
 use super::layout::Layout;
 use super::network::{Changed, Network, place};
 use super::shares::Shares;
@@ -47,7 +47,8 @@ impl Stage {
         let mut counts = fine;
         counts[axis] = fine_plane.len();
         let coarse = Network::new(counts);
-        let room = Room::new(CoarseRow::new(fine[0], axis, kept));
+        let tasks = if threads == 1 { 1 } else { threads * TASKS_OF_A_THREAD };
+        let rooms = vec![Room::new(CoarseRow::new(fine[0], axis, kept)); tasks];
         Self {
             axis,
             kept_before,
@@ -57,7 +58,7 @@ impl Stage {
             next: Shares::zeros(fine, counts, axis, layout),
             reached: Changed::nothing(counts),
             strides: coarse.strides,
-            made: Made { coarse, changed: Changed::nothing(counts), rooms: vec![room; threads] },
+            made: Made { coarse, changed: Changed::nothing(counts), rooms },
         }
     }
 
@@ -288,6 +289,7 @@ mod tests {
     fn threads_share_the_rows_without_a_trace() {
         let layout = Layout::new(COUNTS, [0, 0]);
         let (fine, workers) = (contrasts(), Workers::new(2, 1_000_000));
+        let _awake = workers.wake_all();
         let kept: Vec<bool> = (0..COUNTS[0]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
         let numbers = |workers: &Workers, threads: usize| {
             let mut stage = Stage::new(COUNTS, 0, &kept, &layout, threads);

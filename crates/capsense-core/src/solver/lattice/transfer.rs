@@ -88,12 +88,11 @@ impl Transfer {
             halves: [halves.clone(), halves],
         };
         let layout = Layout::new(coarse, fine.layout.margin).with_columns(fine.layout.columns);
-        let transfer = Self {
-            stages: Stages { z, y, x, pieces: pieces(&kept[0]) },
-            between: vec![between; fine.parts.slabs.len()],
-            coarse: Parts::new(&layout, threads),
-            layout: fine.layout,
-        };
+        let stages = Stages { z, y, x, pieces: pieces(&kept[0]) };
+        let before = |plane| if plane < coarse[2] { stages.fine_plane(plane) } else { fine.layout.counts[2] };
+        let parts = Parts::apart(&layout, threads, before);
+        let tasks = parts.slabs.len().max(fine.parts.slabs.len());
+        let transfer = Self { stages, between: vec![between; tasks], coarse: parts, layout: fine.layout };
         (transfer, coarse)
     }
 
