@@ -1,7 +1,7 @@
 //! What a sensor is meant to be, before it has a mesh: its electrodes, the board below them, and the lattices that suit
 //! them.
 
-use super::grading::Grading;
+use super::grading::{Grading, Pattern};
 use super::{FREE, IN_PLANE, SensorError};
 use crate::electrode::Electrode;
 use crate::geometry::Aabb;
@@ -111,8 +111,8 @@ impl SensorDesign {
     pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
         self.validate()?;
         let extent = self.domain.size().max_element();
-        let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
-        let grading = |finest: f64, height: f64| Grading::for_workspace(finest, height, max_tets, rims);
+        let pattern = self.pattern();
+        let grading = |finest: f64, height: f64| Grading::for_workspace(finest, height, max_tets, pattern);
         let coarsest = self.graded_lattice(grading(extent, HEIGHTS[0]))?;
         if coarsest.tet_count() > max_tets {
             return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
@@ -123,9 +123,9 @@ impl SensorDesign {
         for height in HEIGHTS {
             let (finest, lattice) = self.finest_lattice(max_tets, |finest| grading(finest, height))?;
             // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
-            let coarseness = finest * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
+            let coarseness = finest.min(pattern.feature) * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
             let rank = (!self.is_resolved_by(&lattice), coarseness);
-            if rank < best.0 {
+            if lattice.tet_count() <= max_tets && rank < best.0 {
                 best = (rank, lattice);
             }
         }
@@ -166,6 +166,21 @@ impl SensorDesign {
             }
         }
         Ok((fits, best))
+    }
+
+    fn pattern(&self) -> Pattern {
+        let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
+        let mut gaps: Vec<f64> = (0..2)
+            .flat_map(|axis| {
+                let edges = self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis));
+                let mut edges: Vec<f64> = edges.collect();
+                edges.sort_by(f64::total_cmp);
+                edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
+            })
+            .filter(|gap| *gap > IN_PLANE * self.domain.size().max_element())
+            .collect();
+        gaps.sort_by(f64::total_cmp);
+        Pattern { rims, feature: gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY) }
     }
 
     /// The graded lattice whose spacing at the electrodes is `finest` metres, and away from them grows by a factor from

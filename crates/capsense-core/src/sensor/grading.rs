@@ -7,6 +7,15 @@
 use crate::geometry::Aabb;
 use glam::DVec2;
 
+/// What a lattice should know of the electrodes, besides where its planes must be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pattern {
+    /// How long the rims of all electrodes are along x and y, in metres.
+    pub(super) rims: DVec2,
+    /// How far electrode edges that follow each other along x or y are apart, the median, in metres.
+    pub(super) feature: f64,
+}
+
 /// Spacing along the three axes, in metres, as a function of the place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grading {
@@ -43,16 +52,17 @@ impl Grading {
     }
 
     /// What leaves the least errors with so many tetrahedra, of changes of C by grounded and floating bodies all over the
-    /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. `along` is how long the
-    /// rims of all electrodes are along x and y: across the longer ones it pays to be finer. Layers are
+    /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. Across the longer
+    /// rims it pays to be finer. Layers are
     /// `height` times as high as usual.
-    pub(super) fn for_workspace(finest: f64, height: f64, tets: usize, along: DVec2) -> Self {
+    pub(super) fn for_workspace(finest: f64, height: f64, tets: usize, pattern: Pattern) -> Self {
+        let Pattern { rims: along, feature } = pattern;
         let fewer = 30_000.0 / tets as f64;
         let part = fewer.powf(0.25).min(1.3);
         let unequal = (along.x / along.y).powf(0.09).clamp(0.75, 1.33);
         Self {
             finest: [finest * unequal, finest / unequal],
-            across: 0.56 * height * finest * part.max(1.0).powi(2),
+            across: 0.56 * height * finest.min(feature) * part.max(1.0).powi(2),
             between: 0.27 * part,
             beside: 0.6 * fewer.cbrt().min(1.3),
             below: 0.4 * height * part,

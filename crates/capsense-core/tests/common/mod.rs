@@ -50,9 +50,12 @@ pub fn three_stripes() -> SensorDesign {
     SensorDesign { domain: DOMAIN, electrodes, substrate: None }
 }
 
+/// The three stripes on a lattice of not many more tetrahedra, whose spacing grows alike in all directions.
 pub fn stripes_sensor(tets: usize) -> Sensor {
-    let design = three_stripes();
-    Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap()
+    let (design, growth) = (three_stripes(), (6.8 / (tets as f64).powf(0.25)).min(0.6));
+    let of_spacing = |step: i32| design.lattice_of_spacing(0.05 * 0.99_f64.powi(step), 1.0 + growth).unwrap();
+    let steps = (1..).take_while(|&step| of_spacing(step).tet_count() <= tets);
+    Sensor::on_lattice(&design, &of_spacing(steps.last().unwrap())).unwrap()
 }
 
 /// What a camera of so many pixels sees of axis-aligned boxes, one object each.
