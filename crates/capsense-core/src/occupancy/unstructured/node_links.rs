@@ -212,11 +212,13 @@ impl Unstructured {
             };
             all += share * (near - all);
         }
-        if all < ending.now {
+        if object != NO_OBJECT {
             // Without a link of its own the node has what is never too little.
             let is_alone = !ending.are_several && (ending.object == NO_OBJECT || ending.object == object);
-            let least = if is_alone { self.least_links(node, scene, conductors) } else { ending.now };
-            all = all.max(least.min(ending.now));
+            all = all.max(self.least_links(node, scene, conductors));
+            if !is_alone {
+                all = all.max(ending.now);
+            }
         }
         let weight = all - ending.now;
         if object == NO_OBJECT || weight == 0.0 { NodeLink::NONE } else { NodeLink { object, weight } }

@@ -12,6 +12,9 @@ use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
 use crate::mesh::{EdgeShare, TetMesh};
 
+/// What part of what an element is with safe links it keeps.
+const KEPT: f64 = 0.01;
+
 /// What holds a node's potential.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Holder {
@@ -109,6 +112,13 @@ impl Element {
     }
 
     fn least_links(&self, node: usize, rule: &[Coupling], holder: impl Fn(u32) -> Holder, scale: f64) -> f64 {
+        let Some(corner) = (0..4).find(|&corner| self.nodes[corner] as usize == node) else { return 0.0 };
+        let cut = self.cut(rule, holder);
+        if cut.is_whole { 0.0 } else { scale * cut.least_links(corner) }
+    }
+
+    /// What conductors leave of the element.
+    fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> CutElement {
         let holders = self.nodes.map(holder);
         let free = holders.map(|holder| holder == Holder::None);
         let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
@@ -122,26 +132,111 @@ impl Element {
         }
         let mut pairs = EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
         let is_clean = pairs.all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b]);
-        let mut sum = 0.0;
-        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            let own = [a, b].map(|corner| self.nodes[corner] as usize == node);
-            let other = if own[0] { b } else { a };
-            let ends = holders[other] == Holder::Conductor || is_cut(edge);
-            if own == [false; 2] || self.edges[edge] == NO_EDGE || !ends {
+        let mut cut = CutElement::default();
+        for (edge, ends) in EdgeShare::CORNERS.into_iter().enumerate() {
+            if self.edges[edge] == NO_EDGE {
                 continue;
             }
             let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
-            sum += if is_clean {
-                scale * weight
-            } else if weight > 0.0 {
-                let end = usize::from(node > self.nodes[other] as usize);
-                weight * if rule.is_linked() { rule.factor[end] } else { rule.through }
-            } else if free[other] {
-                0.0
-            } else {
-                scale * weight
-            };
+            for (own, other) in [(ends[0], ends[1]), (ends[1], ends[0])] {
+                if !free[own] {
+                    continue;
+                }
+                if !is_cut(edge) && holders[other] != Holder::Conductor {
+                    cut.kept[own] += weight;
+                    cut.between[own][other] = if free[other] { weight } else { 0.0 };
+                    continue;
+                }
+                let end = usize::from(self.nodes[own] > self.nodes[other]);
+                let exact = weight * if rule.is_linked() { rule.factor[end] } else { rule.through };
+                cut.is_whole = false;
+                cut.exact[own] += exact;
+                cut.safe[own] += match (is_clean, weight > 0.0) {
+                    (false, true) => exact,
+                    (false, false) if free[other] => 0.0,
+                    _ => weight,
+                };
+            }
         }
-        sum
+        cut
+    }
+}
+
+/// An element of which conductors hold a part, as a form in the potentials of its free corners.
+struct CutElement {
+    is_whole: bool,
+    /// What is left of the edges between free corners.
+    between: [[f64; 4]; 4],
+    /// The sum of the weights of edges of each corner that conductors do not meet.
+    kept: [f64; 4],
+    /// Links with which the form is positive semidefinite for certain, and those that faces ask for.
+    safe: [f64; 4],
+    exact: [f64; 4],
+}
+
+impl Default for CutElement {
+    fn default() -> Self {
+        Self { is_whole: true, between: [[0.0; 4]; 4], kept: [0.0; 4], safe: [0.0; 4], exact: [0.0; 4] }
+    }
+}
+
+impl CutElement {
+    fn least_links(&self, corner: usize) -> f64 {
+        let base: [f64; 4] = std::array::from_fn(|k| self.kept[k] + self.safe[k]);
+        let more: [f64; 4] = std::array::from_fn(|k| self.exact[k] - self.safe[k]);
+        let diagonal = |t: f64| -> [f64; 4] {
+            std::array::from_fn(|k| base[k] + if more[k] < 0.0 { t * more[k] } else { more[k] })
+        };
+        let mut t = 1.0;
+        if !self.is_semidefinite(diagonal(1.0)) {
+            t = 0.0;
+            let mut step = 0.5;
+            for _ in 0..16 {
+                if self.is_semidefinite(diagonal(t + step)) {
+                    t += step;
+                }
+                step *= 0.5;
+            }
+        }
+        let all = diagonal(t);
+        let mut squares = 0.0;
+        for a in 0..4 {
+            for b in 0..a {
+                let weight = self.between[a][b];
+                if weight != 0.0 {
+                    squares += 2.0 * weight * weight / (all[a] * all[b]);
+                }
+            }
+        }
+        let count = all.iter().zip(&self.kept).filter(|_| true).count() as f64;
+        let highest = f64::sqrt(squares * (count - 1.0) / count).min(1.0);
+        self.safe[corner] + (1.0 - KEPT) * (highest * all[corner] - base[corner])
+    }
+
+    /// Whether the form with this diagonal is.
+    fn is_semidefinite(&self, diagonal: [f64; 4]) -> bool {
+        let mut a = self.between.map(|row| row.map(|weight| -weight));
+        for k in 0..4 {
+            a[k][k] = diagonal[k];
+        }
+        for k in 0..4 {
+            let pivot = a[k][k];
+            if pivot < 0.0 {
+                return false;
+            }
+            for i in k + 1..4 {
+                if a[i][k] == 0.0 {
+                    continue;
+                }
+                if pivot == 0.0 {
+                    return false;
+                }
+                let factor = a[i][k] / pivot;
+                for j in k + 1..4 {
+                    a[i][j] -= factor * a[k][j];
+                }
+            }
+        }
+        true
     }
 }
