@@ -213,10 +213,9 @@ impl Unstructured {
             all += share * (near - all);
         }
         if object != NO_OBJECT {
-            // Without a link of its own the node has what is never too little.
-            let is_alone = !ending.are_several && (ending.object == NO_OBJECT || ending.object == object);
-            all = all.max(self.least_links(node, scene, conductors));
-            if !is_alone {
+            all = all.max(self.least_links(node, object, scene, conductors));
+            if ending.are_several || ending.object != object {
+                // Elements count on one conductor.
                 all = all.max(ending.now);
             }
         }
@@ -224,15 +223,15 @@ impl Unstructured {
         if object == NO_OBJECT || weight == 0.0 { NodeLink::NONE } else { NodeLink { object, weight } }
     }
 
-    fn least_links(&self, node: usize, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
+    fn least_links(&self, node: usize, object: u16, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
         let holder = |node: u32| match (scene.mesh.terminals[node as usize], conductors[node as usize]) {
             (FREE, NO_OBJECT) => Holder::None,
-            (FREE, _) => Holder::Conductor,
+            (FREE, conductor) => Holder::Conductor(conductor),
             _ => Holder::Sensor,
         };
         let scale =
             |element: usize| self.negative.as_ref().map_or(1.0, |negative| negative.smallest(element));
-        self.obtuse.least_links(node, &self.rule, holder, scale)
+        self.obtuse.least_links((node, object), &self.rule, holder, scale)
     }
 
     /// Sums over the edges of a node that end in conductors.

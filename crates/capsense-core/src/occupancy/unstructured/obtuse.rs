@@ -4,22 +4,23 @@
 //! element without negative weights may lose any of its edges. Of another one, think of the corners that still are coupled
 //! with each other as one part. If conductors cut all edges between its parts and none within, then with the weights of
 //! these edges as links of their ends each part has what it has of K_e if the others are held, which is positive
-//! semidefinite. If not, it needs of its links what the edge rule makes of its positive weights: these are capacitors of
+//! semidefinite. If not, it is with links that are what the edge rule makes of its positive weights: these are capacitors of
 //! which the cut ones hold their ends together no less than before, and without negative ones between free corners it is no
 //! worse off. Negative weights to held corners stay in its diagonal.
+//!
+//! These links are certain, but in flat elements they are far more than a face asks for. How much less they may be is for
+//! [`CutElement`] to say, if all ends lead to one conductor; then only differences from its potential matter.
 
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
+use super::cut_element::CutElement;
 use crate::mesh::{EdgeShare, TetMesh};
-
-/// What part of what an element is with safe links it keeps.
-const KEPT: f64 = 0.01;
 
 /// What holds a node's potential.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Holder {
     None,
-    Conductor,
+    Conductor(u16),
     /// An electrode or the wall.
     Sensor,
 }
@@ -92,17 +93,19 @@ impl ObtuseElements {
         elements.flat_map(|element| element.nodes).for_each(|node| visit(node as usize));
     }
 
-    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them. `rule` is
-    /// what the edge rule makes of edges, `scale` by what each element's weights are multiplied.
+    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them, if what is
+    /// added or missing leads to `object`. `rule` is what the edge rule makes of edges, `scale` by what each element's
+    /// weights are multiplied.
     pub(super) fn least_links(
         &self,
-        node: usize,
+        (node, object): (usize, u16),
         rule: &[Coupling],
         holder: impl Fn(u32) -> Holder,
         scale: impl Fn(usize) -> f64,
     ) -> f64 {
         let elements = self.at_node.of(node).iter().map(|&number| number as usize);
-        elements.map(|number| self.elements[number].least_links(node, rule, &holder, scale(number))).sum()
+        let least = |number: usize| self.elements[number].least_links(node, object, rule, &holder);
+        elements.map(|number| scale(number) * least(number)).sum()
     }
 }
 
@@ -111,132 +114,88 @@ impl Element {
         self.edges.into_iter().filter(|edge| *edge != NO_EDGE).map(|edge| edge as usize)
     }
 
-    fn least_links(&self, node: usize, rule: &[Coupling], holder: impl Fn(u32) -> Holder, scale: f64) -> f64 {
+    /// What the links of a node to an object must be at least for this element.
+    fn least_links(
+        &self,
+        node: usize,
+        object: u16,
+        rule: &[Coupling],
+        holder: impl Fn(u32) -> Holder,
+    ) -> f64 {
         let Some(corner) = (0..4).find(|&corner| self.nodes[corner] as usize == node) else { return 0.0 };
-        let cut = self.cut(rule, holder);
-        if cut.is_whole { 0.0 } else { scale * cut.least_links(corner) }
+        let (cut, ends_in) = self.cut(rule, holder);
+        match ends_in {
+            EndsIn::Nothing => 0.0,
+            EndsIn::One(conductor) if conductor == object => cut.least_links()[corner],
+            EndsIn::One(_) => cut.least_links()[corner].max(cut.certain[corner]),
+            EndsIn::Several => cut.certain[corner],
+        }
     }
 
-    /// What conductors leave of the element.
-    fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> CutElement {
+    /// What conductors leave of the element, and in what its edges end.
+    fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
         let holders = self.nodes.map(holder);
         let free = holders.map(|holder| holder == Holder::None);
         let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
-        // Corners of one part have the smallest of their numbers.
-        let mut part = [0, 1, 2, 3];
-        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            if free[a] && free[b] && !is_cut(edge) {
-                let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
-                part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
-            }
-        }
-        let mut pairs = EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
-        let is_clean = pairs.all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b]);
+        let is_clean = is_clean(free, is_cut);
         let mut cut = CutElement::default();
-        for (edge, ends) in EdgeShare::CORNERS.into_iter().enumerate() {
+        let mut ends_in = EndsIn::Nothing;
+        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
             if self.edges[edge] == NO_EDGE {
                 continue;
             }
             let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
-            for (own, other) in [(ends[0], ends[1]), (ends[1], ends[0])] {
-                if !free[own] {
-                    continue;
-                }
-                if !is_cut(edge) && holders[other] != Holder::Conductor {
-                    cut.kept[own] += weight;
-                    cut.between[own][other] = if free[other] { weight } else { 0.0 };
-                    continue;
-                }
+            for (own, other) in [(a, b), (b, a)].into_iter().filter(|(own, _)| free[*own]) {
                 let end = usize::from(self.nodes[own] > self.nodes[other]);
-                let exact = weight * if rule.is_linked() { rule.factor[end] } else { rule.through };
-                cut.is_whole = false;
-                cut.exact[own] += exact;
-                cut.safe[own] += match (is_clean, weight > 0.0) {
-                    (false, true) => exact,
+                let (conductor, factor) = match holders[other] {
+                    _ if is_cut(edge) => (rule.object[end], rule.factor[end]),
+                    Holder::Conductor(conductor) => (conductor, rule.through),
+                    of_other => {
+                        cut.kept[own] += weight;
+                        cut.between[own][other] = if of_other == Holder::None { weight } else { 0.0 };
+                        continue;
+                    }
+                };
+                ends_in = ends_in.and(conductor);
+                cut.exact[own] += weight * factor;
+                cut.certain[own] += match (is_clean, weight > 0.0) {
+                    (false, true) => weight * factor,
                     (false, false) if free[other] => 0.0,
                     _ => weight,
                 };
             }
         }
-        cut
+        (cut, ends_in)
     }
 }
 
-/// An element of which conductors hold a part, as a form in the potentials of its free corners.
-struct CutElement {
-    is_whole: bool,
-    /// What is left of the edges between free corners.
-    between: [[f64; 4]; 4],
-    /// The sum of the weights of edges of each corner that conductors do not meet.
-    kept: [f64; 4],
-    /// Links with which the form is positive semidefinite for certain, and those that faces ask for.
-    safe: [f64; 4],
-    exact: [f64; 4],
+/// Whether conductors cut all edges between parts of free corners and none within.
+fn is_clean(free: [bool; 4], is_cut: impl Fn(usize) -> bool) -> bool {
+    let pairs = || EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
+    // Corners of one part have the smallest of their numbers.
+    let mut part = [0, 1, 2, 3];
+    for (_, [a, b]) in pairs().filter(|(edge, _)| !is_cut(*edge)) {
+        let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
+        part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
+    }
+    pairs().all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b])
 }
 
-impl Default for CutElement {
-    fn default() -> Self {
-        Self { is_whole: true, between: [[0.0; 4]; 4], kept: [0.0; 4], safe: [0.0; 4], exact: [0.0; 4] }
-    }
+/// The conductors in which edges of an element end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum EndsIn {
+    Nothing,
+    One(u16),
+    /// In several, whose potentials differ.
+    Several,
 }
 
-impl CutElement {
-    fn least_links(&self, corner: usize) -> f64 {
-        let base: [f64; 4] = std::array::from_fn(|k| self.kept[k] + self.safe[k]);
-        let more: [f64; 4] = std::array::from_fn(|k| self.exact[k] - self.safe[k]);
-        let diagonal = |t: f64| -> [f64; 4] {
-            std::array::from_fn(|k| base[k] + if more[k] < 0.0 { t * more[k] } else { more[k] })
-        };
-        let mut t = 1.0;
-        if !self.is_semidefinite(diagonal(1.0)) {
-            t = 0.0;
-            let mut step = 0.5;
-            for _ in 0..16 {
-                if self.is_semidefinite(diagonal(t + step)) {
-                    t += step;
-                }
-                step *= 0.5;
-            }
+impl EndsIn {
+    fn and(self, conductor: u16) -> Self {
+        match self {
+            Self::Nothing => Self::One(conductor),
+            Self::One(other) if other == conductor => self,
+            _ => Self::Several,
         }
-        let all = diagonal(t);
-        let mut squares = 0.0;
-        for a in 0..4 {
-            for b in 0..a {
-                let weight = self.between[a][b];
-                if weight != 0.0 {
-                    squares += 2.0 * weight * weight / (all[a] * all[b]);
-                }
-            }
-        }
-        let count = all.iter().zip(&self.kept).filter(|_| true).count() as f64;
-        let highest = f64::sqrt(squares * (count - 1.0) / count).min(1.0);
-        self.safe[corner] + (1.0 - KEPT) * (highest * all[corner] - base[corner])
-    }
-
-    /// Whether the form with this diagonal is.
-    fn is_semidefinite(&self, diagonal: [f64; 4]) -> bool {
-        let mut a = self.between.map(|row| row.map(|weight| -weight));
-        for k in 0..4 {
-            a[k][k] = diagonal[k];
-        }
-        for k in 0..4 {
-            let pivot = a[k][k];
-            if pivot < 0.0 {
-                return false;
-            }
-            for i in k + 1..4 {
-                if a[i][k] == 0.0 {
-                    continue;
-                }
-                if pivot == 0.0 {
-                    return false;
-                }
-                let factor = a[i][k] / pivot;
-                for j in k + 1..4 {
-                    a[i][j] -= factor * a[k][j];
-                }
-            }
-        }
-        true
     }
 }
