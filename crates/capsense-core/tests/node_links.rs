@@ -8,7 +8,7 @@ mod common;
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::Connection;
-use capsense_core::mesh::{TetMesh, signed_volume};
+use capsense_core::mesh::{Bisection, Lattice, Refinement, TetMesh, signed_volume};
 use capsense_core::stiffness::EdgeNetwork;
 use common::walled::{Body, Held, Rule, WalledBox, cubes};
 use common::{Dice, conductor};
@@ -105,4 +105,30 @@ fn edges_are_where_they_are() {
         (corner, field)
     });
     assert!(means[1] < 0.6 * means[0], "{means:?}");
+}
+
+/// Cells eight times as long as high, bisected once or twice: below long edges of negative weight lie nodes that are much
+/// nearer than the ends of these.
+#[test]
+fn faces_are_where_they_are_in_flat_elements() {
+    let domain = Aabb { min: DVec3::new(-32.0, -32.0, -6.0), max: DVec3::new(32.0, 32.0, 6.0) };
+    let mut bisection = Bisection::new(&Lattice::uniform(domain, [8, 8, 12]).unwrap()).unwrap();
+    let mut dice = Dice(5);
+    for times in [1, 2] {
+        let all: Vec<u32> = (0..bisection.tet_count() as u32).collect();
+        assert_eq!(bisection.refine(&all, usize::MAX), Refinement::Complete);
+        let mesh = bisection.to_tet_mesh().unwrap();
+        for case in 0..4 {
+            let axis = DVec3::from_array([(); 3].map(|()| dice.between(-1.0, 1.0)));
+            let angle = if case == 0 { 0.0 } else { dice.between(0.0, 3.0) };
+            let turn = DQuat::from_axis_angle(axis.normalize(), angle);
+            let normal = turn * DVec3::X;
+            let face = DVec3::new(4.0, 4.0, 0.5) * dice.between(-1.0, 1.0);
+            let corner = face + turn * DVec3::Y * (0.5 * LARGE);
+            let field = |p: DVec3| normal.dot(p - face).max(0.0);
+            let [alone, linked] = deviations(&mesh, turn, corner, &field);
+            println!("{times} {case}: {alone} {linked}");
+            assert!(linked < 0.1 * alone, "{times} {case}: {alone} {linked}");
+        }
+    }
 }

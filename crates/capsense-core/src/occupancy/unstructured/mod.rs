@@ -3,6 +3,7 @@
 //! The edge rule says what is left of each edge. What it says of negative weights is not for a single edge: next to
 //! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
 
+mod cut_element;
 mod negative;
 mod node_links;
 mod obtuse;

@@ -212,25 +212,26 @@ impl Unstructured {
             };
             all += share * (near - all);
         }
-        if all < ending.now {
-            // Without a link of its own the node has what is never too little.
-            let is_alone = !ending.are_several && (ending.object == NO_OBJECT || ending.object == object);
-            let least = if is_alone { self.least_links(node, scene, conductors) } else { ending.now };
-            all = all.max(least.min(ending.now));
+        if object != NO_OBJECT {
+            all = all.max(self.least_links(node, object, scene, conductors));
+            if ending.are_several || ending.object != object {
+                // Elements count on one conductor.
+                all = all.max(ending.now);
+            }
         }
         let weight = all - ending.now;
         if object == NO_OBJECT || weight == 0.0 { NodeLink::NONE } else { NodeLink { object, weight } }
     }
 
-    fn least_links(&self, node: usize, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
+    fn least_links(&self, node: usize, object: u16, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
         let holder = |node: u32| match (scene.mesh.terminals[node as usize], conductors[node as usize]) {
             (FREE, NO_OBJECT) => Holder::None,
-            (FREE, _) => Holder::Conductor,
+            (FREE, conductor) => Holder::Conductor(conductor),
             _ => Holder::Sensor,
         };
         let scale =
             |element: usize| self.negative.as_ref().map_or(1.0, |negative| negative.smallest(element));
-        self.obtuse.least_links(node, &self.rule, holder, scale)
+        self.obtuse.least_links((node, object), &self.rule, holder, scale)
     }
 
     /// Sums over the edges of a node that end in conductors.

@@ -4,19 +4,23 @@
 //! element without negative weights may lose any of its edges. Of another one, think of the corners that still are coupled
 //! with each other as one part. If conductors cut all edges between its parts and none within, then with the weights of
 //! these edges as links of their ends each part has what it has of K_e if the others are held, which is positive
-//! semidefinite. If not, it needs of its links what the edge rule makes of its positive weights: these are capacitors of
+//! semidefinite. If not, it is with links that are what the edge rule makes of its positive weights: these are capacitors of
 //! which the cut ones hold their ends together no less than before, and without negative ones between free corners it is no
 //! worse off. Negative weights to held corners stay in its diagonal.
+//!
+//! These links are certain, but in flat elements they are far more than a face asks for. How much less they may be is for
+//! [`CutElement`] to say, if all ends lead to one conductor; then only differences from its potential matter.
 
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
+use super::cut_element::CutElement;
 use crate::mesh::{EdgeShare, TetMesh};
 
 /// What holds a node's potential.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Holder {
     None,
-    Conductor,
+    Conductor(u16),
     /// An electrode or the wall.
     Sensor,
 }
@@ -89,17 +93,19 @@ impl ObtuseElements {
         elements.flat_map(|element| element.nodes).for_each(|node| visit(node as usize));
     }
 
-    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them. `rule` is
-    /// what the edge rule makes of edges, `scale` by what each element's weights are multiplied.
+    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them, if what is
+    /// added or missing leads to `object`. `rule` is what the edge rule makes of edges, `scale` by what each element's
+    /// weights are multiplied.
     pub(super) fn least_links(
         &self,
-        node: usize,
+        (node, object): (usize, u16),
         rule: &[Coupling],
         holder: impl Fn(u32) -> Holder,
         scale: impl Fn(usize) -> f64,
     ) -> f64 {
         let elements = self.at_node.of(node).iter().map(|&number| number as usize);
-        elements.map(|number| self.elements[number].least_links(node, rule, &holder, scale(number))).sum()
+        let least = |number: usize| self.elements[number].least_links(node, object, rule, &holder);
+        elements.map(|number| scale(number) * least(number)).sum()
     }
 }
 
@@ -108,40 +114,88 @@ impl Element {
         self.edges.into_iter().filter(|edge| *edge != NO_EDGE).map(|edge| edge as usize)
     }
 
-    fn least_links(&self, node: usize, rule: &[Coupling], holder: impl Fn(u32) -> Holder, scale: f64) -> f64 {
+    /// What the links of a node to an object must be at least for this element.
+    fn least_links(
+        &self,
+        node: usize,
+        object: u16,
+        rule: &[Coupling],
+        holder: impl Fn(u32) -> Holder,
+    ) -> f64 {
+        let Some(corner) = (0..4).find(|&corner| self.nodes[corner] as usize == node) else { return 0.0 };
+        let (cut, ends_in) = self.cut(rule, holder);
+        match ends_in {
+            EndsIn::Nothing => 0.0,
+            EndsIn::One(conductor) if conductor == object => cut.least_links()[corner],
+            EndsIn::One(_) => cut.least_links()[corner].max(cut.certain[corner]),
+            EndsIn::Several => cut.certain[corner],
+        }
+    }
+
+    /// What conductors leave of the element, and in what its edges end.
+    fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
         let holders = self.nodes.map(holder);
         let free = holders.map(|holder| holder == Holder::None);
         let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
-        // Corners of one part have the smallest of their numbers.
-        let mut part = [0, 1, 2, 3];
+        let is_clean = is_clean(free, is_cut);
+        let mut cut = CutElement::default();
+        let mut ends_in = EndsIn::Nothing;
         for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            if free[a] && free[b] && !is_cut(edge) {
-                let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
-                part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
-            }
-        }
-        let mut pairs = EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
-        let is_clean = pairs.all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b]);
-        let mut sum = 0.0;
-        for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            let own = [a, b].map(|corner| self.nodes[corner] as usize == node);
-            let other = if own[0] { b } else { a };
-            let ends = holders[other] == Holder::Conductor || is_cut(edge);
-            if own == [false; 2] || self.edges[edge] == NO_EDGE || !ends {
+            if self.edges[edge] == NO_EDGE {
                 continue;
             }
             let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
-            sum += if is_clean {
-                scale * weight
-            } else if weight > 0.0 {
-                let end = usize::from(node > self.nodes[other] as usize);
-                weight * if rule.is_linked() { rule.factor[end] } else { rule.through }
-            } else if free[other] {
-                0.0
-            } else {
-                scale * weight
-            };
+            for (own, other) in [(a, b), (b, a)].into_iter().filter(|(own, _)| free[*own]) {
+                let end = usize::from(self.nodes[own] > self.nodes[other]);
+                let (conductor, factor) = match holders[other] {
+                    _ if is_cut(edge) => (rule.object[end], rule.factor[end]),
+                    Holder::Conductor(conductor) => (conductor, rule.through),
+                    of_other => {
+                        cut.kept[own] += weight;
+                        cut.between[own][other] = if of_other == Holder::None { weight } else { 0.0 };
+                        continue;
+                    }
+                };
+                ends_in = ends_in.and(conductor);
+                cut.exact[own] += weight * factor;
+                cut.certain[own] += match (is_clean, weight > 0.0) {
+                    (false, true) => weight * factor,
+                    (false, false) if free[other] => 0.0,
+                    _ => weight,
+                };
+            }
         }
-        sum
+        (cut, ends_in)
+    }
+}
+
+/// Whether conductors cut all edges between parts of free corners and none within.
+fn is_clean(free: [bool; 4], is_cut: impl Fn(usize) -> bool) -> bool {
+    let pairs = || EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
+    // Corners of one part have the smallest of their numbers.
+    let mut part = [0, 1, 2, 3];
+    for (_, [a, b]) in pairs().filter(|(edge, _)| !is_cut(*edge)) {
+        let [one, other] = [part[a].min(part[b]), part[a].max(part[b])];
+        part.iter_mut().filter(|part| **part == other).for_each(|part| *part = one);
+    }
+    pairs().all(|(edge, [a, b])| !is_cut(edge) || part[a] != part[b])
+}
+
+/// The conductors in which edges of an element end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum EndsIn {
+    Nothing,
+    One(u16),
+    /// In several, whose potentials differ.
+    Several,
+}
+
+impl EndsIn {
+    fn and(self, conductor: u16) -> Self {
+        match self {
+            Self::Nothing => Self::One(conductor),
+            Self::One(other) if other == conductor => self,
+            _ => Self::Several,
+        }
     }
 }
