@@ -16,15 +16,9 @@ use capsense_core::occupancy::DepthLayers;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::SolverOptions;
-use common::{bar, depth_of_boxes, three_stripes};
+use common::{bar, depth_of_boxes, stripes_sensor};
 
 const FRAMES: u32 = 3000;
-
-/// The three stripes on a lattice of 19,200 tetrahedra.
-fn evenly_graded_sensor() -> Sensor {
-    let design = three_stripes();
-    Sensor::on_lattice(&design, &design.lattice_of_spacing(0.0075, 1.572).unwrap()).unwrap()
-}
 
 fn steel() -> RelativePermittivity {
     RelativePermittivity::new(STEEL).unwrap()
@@ -63,7 +57,7 @@ fn drift<T: Precision>(sensor: &Sensor, frames: u32) -> (PaperMethod<T>, usize, 
 
 #[test]
 fn accumulated_updates_drift() {
-    let sensor = evenly_graded_sensor();
+    let sensor = stripes_sensor(20_000);
     let (mut single, updates, deviation) = drift::<f32>(&sensor, FRAMES);
     assert!(updates > 100_000 && deviation > 0.05, "{deviation}");
     let error = single.solve().unwrap_err();
@@ -81,7 +75,7 @@ fn accumulated_updates_drift() {
 
 #[test]
 fn one_pass_of_a_body_is_enough_in_single_precision() {
-    let (mut single, _, deviation) = drift::<f32>(&evenly_graded_sensor(), 10);
+    let (mut single, _, deviation) = drift::<f32>(&stripes_sensor(20_000), 10);
     assert!(deviation > 1e-3, "{deviation}");
     assert!(single.solve().is_ok(), "not yet indefinite");
 }
@@ -90,7 +84,7 @@ fn one_pass_of_a_body_is_enough_in_single_precision() {
 fn the_simulators_matrix_has_no_memory() {
     let new = || {
         let materials = vec![Material::Dielectric(steel())];
-        Simulator::new(evenly_graded_sensor(), materials, SolverOptions::default()).unwrap()
+        Simulator::new(stripes_sensor(20_000), materials, SolverOptions::default()).unwrap()
     };
     let (mut simulator, fresh) = (new(), new());
     for frame in 1..=FRAMES {

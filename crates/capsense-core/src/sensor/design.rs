@@ -123,7 +123,8 @@ impl SensorDesign {
         for height in HEIGHTS {
             let (finest, lattice) = self.finest_lattice(max_tets, |finest| grading(finest, height))?;
             // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
-            let coarseness = finest.min(pattern.feature) * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
+            let coarseness =
+                finest.min(pattern.feature) * height.sqrt() * (1.0 + UNUSUAL * height.ln().powi(2));
             let rank = (!self.is_resolved_by(&lattice), coarseness);
             if lattice.tet_count() <= max_tets && rank < best.0 {
                 best = (rank, lattice);

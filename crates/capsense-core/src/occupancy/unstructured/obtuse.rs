@@ -135,43 +135,48 @@ impl Element {
     /// What conductors leave of the element, and in what its edges end.
     fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
         let holders = self.nodes.map(holder);
-        let free = holders.map(|holder| holder == Holder::None);
+        // A conductor may float, so a corner at a potential of the sensor is as different from it as a free one.
+        let differs = holders.map(|holder| !matches!(holder, Holder::Conductor(_)));
         let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
-        let is_clean = is_clean(free, is_cut);
+        let is_clean = is_clean(differs, is_cut);
         let mut cut = CutElement::default();
         let mut ends_in = EndsIn::Nothing;
         for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            if self.edges[edge] == NO_EDGE {
+            let are_free = [a, b].map(|corner| holders[corner] == Holder::None);
+            if self.edges[edge] == NO_EDGE || (differs[a] && differs[b] && are_free == [false; 2]) {
                 continue;
             }
             let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
-            for (own, other) in [(a, b), (b, a)].into_iter().filter(|(own, _)| free[*own]) {
+            for (own, other) in [(a, b), (b, a)].into_iter().filter(|(own, _)| differs[*own]) {
                 let end = usize::from(self.nodes[own] > self.nodes[other]);
                 let (conductor, factor) = match holders[other] {
                     _ if is_cut(edge) => (rule.object[end], rule.factor[end]),
                     Holder::Conductor(conductor) => (conductor, rule.through),
-                    of_other => {
+                    _ => {
                         cut.kept[own] += weight;
-                        cut.between[own][other] = if of_other == Holder::None { weight } else { 0.0 };
+                        cut.between[own][other] = weight;
                         continue;
                     }
                 };
                 ends_in = ends_in.and(conductor);
-                cut.exact[own] += weight * factor;
-                cut.certain[own] += match (is_clean, weight > 0.0) {
+                let certain = match (is_clean, weight > 0.0) {
                     (false, true) => weight * factor,
-                    (false, false) if free[other] => 0.0,
+                    (false, false) if differs[other] => 0.0,
                     _ => weight,
                 };
+                cut.certain[own] += certain;
+                // What the sensor holds has no links but those of its edges, which are no less.
+                cut.exact[own] += if holders[own] == Holder::None { weight * factor } else { certain };
             }
         }
         (cut, ends_in)
     }
 }
 
-/// Whether conductors cut all edges between parts of free corners and none within.
-fn is_clean(free: [bool; 4], is_cut: impl Fn(usize) -> bool) -> bool {
-    let pairs = || EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| free[*a] && free[*b]);
+/// Whether conductors cut all edges between parts of those corners that they do not hold, and none within.
+fn is_clean(differs: [bool; 4], is_cut: impl Fn(usize) -> bool) -> bool {
+    let pairs =
+        || EdgeShare::CORNERS.into_iter().enumerate().filter(|(_, [a, b])| differs[*a] && differs[*b]);
     // Corners of one part have the smallest of their numbers.
     let mut part = [0, 1, 2, 3];
     for (_, [a, b]) in pairs().filter(|(edge, _)| !is_cut(*edge)) {
