@@ -13,7 +13,7 @@ use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
-use capsense_core::mesh::{TetMesh, signed_volume};
+use capsense_core::mesh::{Lattice, TetMesh, signed_volume};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign};
 use capsense_core::simulator::Simulator;
@@ -50,12 +50,23 @@ pub fn three_stripes() -> SensorDesign {
     SensorDesign { domain: DOMAIN, electrodes, substrate: None }
 }
 
-/// The three stripes on a lattice of not many more tetrahedra, whose spacing grows alike in all directions.
+/// The three stripes on the finest lattice of no more tetrahedra whose spacing grows alike in all directions.
 pub fn stripes_sensor(tets: usize) -> Sensor {
     let (design, growth) = (three_stripes(), (6.8 / (tets as f64).powf(0.25)).min(0.6));
-    let of_spacing = |step: i32| design.lattice_of_spacing(0.05 * 0.99_f64.powi(step), 1.0 + growth).unwrap();
-    let steps = (1..).take_while(|&step| of_spacing(step).tet_count() <= tets);
-    Sensor::on_lattice(&design, &of_spacing(steps.last().unwrap())).unwrap()
+    let (mut fits, mut exceeds, mut finest) = (0.5_f64, 5e-6, None::<Lattice>);
+    for _ in 0..24 {
+        let middle = (fits * exceeds).sqrt();
+        let lattice = design.lattice_of_spacing(middle, 1.0 + growth).unwrap();
+        if lattice.tet_count() > tets {
+            exceeds = middle;
+        } else {
+            fits = middle;
+            if finest.as_ref().is_none_or(|finest| lattice.tet_count() > finest.tet_count()) {
+                finest = Some(lattice);
+            }
+        }
+    }
+    Sensor::on_lattice(&design, &finest.unwrap()).unwrap()
 }
 
 /// What a camera of so many pixels sees of axis-aligned boxes, one object each.
