@@ -216,6 +216,38 @@ proptest! {
         }
     }
 
+    /// Electrodes as narrow as an eighth of what lies between others, in a row: each has a node of its own, as alike on both
+    /// sides of all edges as a lattice allows, and layers nowhere in the workspace are as high as a third of it.
+    #[test]
+    fn lattices_suit_electrodes_and_the_room_above(
+        tets in 30_000usize..200_000, count in 1..5usize, width in 0.004..0.03, gap in 0.004..0.03,
+    ) {
+        let pitch = width + gap;
+        let electrodes = (0..count).map(|k| {
+            let y = pitch * (k as f64 - 0.5 * (count - 1) as f64);
+            rectangle(&format!("E{k}"), [0.0, y], [0.1, width])
+        });
+        let design = SensorDesign { electrodes: electrodes.collect(), ..three_stripes() };
+        let lattice = design.lattice(tets).unwrap();
+        prop_assert!(lattice.tet_count() <= tets);
+        prop_assert!(Sensor::on_lattice(&design, &lattice).is_ok());
+        let edges = |axis: usize| {
+            design.electrodes.iter().flat_map(move |electrode| electrode.outline.axis_planes(axis))
+        };
+        for axis in 0..2 {
+            for three in lattice.axes()[axis].windows(3) {
+                if edges(axis).any(|edge| (edge - three[1]).abs() < 1e-9) {
+                    let ratio = (three[2] - three[1]) / (three[1] - three[0]);
+                    prop_assert!(ratio.max(1.0 / ratio) < 1.41, "{} {:?}", axis, three);
+                }
+            }
+        }
+        let layers = lattice.axes()[2].windows(2).filter(|pair| pair[0] >= 0.0 && pair[1] < 0.2);
+        for pair in layers {
+            prop_assert!(pair[1] - pair[0] < 0.075, "{:?}", lattice.axes()[2]);
+        }
+    }
+
     #[test]
     fn a_lattice_has_at_most_the_elements_asked_for(tets in 3_000usize..60_000) {
         let count = three_stripes().lattice(tets).unwrap().tet_count();
