@@ -169,6 +169,7 @@ impl SensorDesign {
         Ok((fits, best))
     }
 
+    /// What a lattice should know of the electrodes.
     fn pattern(&self) -> Pattern {
         let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
         let mut gaps: Vec<f64> = (0..2)

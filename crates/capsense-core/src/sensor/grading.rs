@@ -23,7 +23,7 @@ pub(super) struct Grading {
     finest: [f64; 2],
     /// At electrode planes.
     across: f64,
-    /// Growth per metre between electrode edges, beside electrodes, below them, above them, and beyond the workspace.
+    /// Growth, in metres per metre, between electrode edges, beside electrodes, below them, above them, and beyond the workspace.
     between: f64,
     beside: f64,
     below: f64,
@@ -52,9 +52,8 @@ impl Grading {
     }
 
     /// What leaves the least errors with so many tetrahedra, of changes of C by grounded and floating bodies all over the
-    /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. Across the longer
-    /// rims it pays to be finer. Layers are
-    /// `height` times as high as usual.
+    /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. Across the longer rims it pays
+    /// to be finer. Layers are `height` times as high as usual.
     pub(super) fn for_workspace(finest: f64, height: f64, tets: usize, pattern: Pattern) -> Self {
         let Pattern { rims: along, feature } = pattern;
         let fewer = 30_000.0 / tets as f64;
@@ -78,8 +77,8 @@ impl Grading {
         if axis < 2 { self.unequal } else { f64::INFINITY }
     }
 
-    /// Spacing along one axis of a domain at a place that is so far from the nearest of the `planes` that are fixed, first and last
-    /// of which are given.
+    /// Spacing along one axis of a domain at a place that is so far from the nearest of the fixed coordinates, of which the first
+    /// and the last are given; all in metres.
     pub(super) fn spacing(
         &self,
         axis: usize,
