@@ -12,8 +12,9 @@ use capsense_core::occupancy::{DepthLayers, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError, StepReport};
 use common::{
-    DOMAIN, FLOATING, GROUNDED, bar, both, conductor, depth_of_boxes, dielectric, oracle, rectangle,
-    relative_error, stripes_sensor, three_stripes, to, with_slivers, without_lattice,
+    DIRECT, DOMAIN, Dice, FLOATING, GROUNDED, bar, both, conductor, depth_of_boxes, dielectric, oracle,
+    rectangle, relative_error, stripes_sensor, three_stripes, to, with_moved_nodes, with_slivers,
+    without_lattice,
 };
 
 /// Of the simulators that are compared with the oracle.
@@ -318,8 +319,8 @@ fn a_dielectric_of_any_strength_is_a_floating_conductor() {
                 let report = simulator.step(&block).unwrap().solve;
                 let error = relative_error(simulator.capacitance(), floating.capacitance());
                 let case = format!("{tets}, {permittivity:e}, {tolerance:e}");
-                // Both are solved to a tolerance, which a frame may miss by three times.
-                assert!(error < 6.0 * tolerance + 1.0 / permittivity, "{case}: {error:e}");
+                // Both are solved to within a tolerance.
+                assert!(error < 4.0 * tolerance + 1.0 / permittivity, "{case}: {error:e}");
                 assert!(report.iterations < 40, "{case}: {report:?}");
             }
         }
@@ -342,5 +343,22 @@ fn an_object_in_the_place_of_another_counts_for_itself() {
         let _ = fresh.step(&depth_of_boxes([80, 80], &[gone, plate])).unwrap();
         let error = relative_error(moving.capacitance(), fresh.capacitance());
         assert!(error < 2e-8, "{error:e}");
+    }
+}
+
+/// Negative edges of a mesh with obtuse angles, cut between a free node and the wall or an electrode, take no more from a body
+/// than others give it, though its potential is neither's.
+#[test]
+fn thin_floating_bodies_beside_the_wall_leave_k_definite() {
+    let design = three_stripes();
+    let lattice = design.lattice_of_spacing(0.04, 1.6).unwrap();
+    let sensor = with_moved_nodes(&Sensor::on_lattice(&design, &lattice).unwrap());
+    let mut simulator = Simulator::new(sensor, vec![FLOATING], DIRECT).unwrap();
+    let mut dice = Dice(1);
+    for _ in 0..300 {
+        let low = DVec3::new(dice.between(-0.24, 0.18), dice.between(-0.24, 0.18), dice.between(-0.045, 0.0));
+        let size = DVec3::new(dice.between(0.02, 0.06), dice.between(0.02, 0.06), dice.between(0.002, 0.01));
+        let plate = Aabb { min: low, max: low + size };
+        simulator.step(&depth_of_boxes([100, 100], &[plate])).map(|_| ()).unwrap();
     }
 }

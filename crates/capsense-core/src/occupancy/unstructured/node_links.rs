@@ -197,12 +197,13 @@ impl Unstructured {
     }
 
     fn link(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> NodeLink {
-        if scene.mesh.terminals[node] != FREE || conductors[node] != NO_OBJECT {
+        if conductors[node] != NO_OBJECT {
             return NodeLink::NONE;
         }
         let ending = self.ending(scene, node, conductors);
         let (mut object, mut all) = (ending.object, ending.cut);
         if !ending.is_mixed
+            && scene.mesh.terminals[node] == FREE
             && let Some((of, near, share)) = scene.nearest(node, &self.links.cells_at(scene, node))
         {
             object = of as u16;

@@ -9,7 +9,9 @@
 //! worse off. Negative weights to held corners stay in its diagonal.
 //!
 //! These links are certain, but in flat elements they are far more than a face asks for. How much less they may be is for
-//! [`CutElement`] to say, if all ends lead to one conductor; then only differences from its potential matter.
+//! [`CutElement`] to say, if all ends lead to one conductor; then only differences from its potential matter. The conductor
+//! may float, so corners that the sensor holds count as free ones, but for edges between two of these: as they differ alike,
+//! such an edge is nothing in the form, and is taken as whole.
 
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
@@ -135,15 +137,17 @@ impl Element {
     /// What conductors leave of the element, and in what its edges end.
     fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
         let holders = self.nodes.map(holder);
-        // A conductor may float, so a corner at a potential of the sensor is as different from it as a free one.
         let differs = holders.map(|holder| !matches!(holder, Holder::Conductor(_)));
-        let is_cut = |edge: usize| self.edges[edge] != NO_EDGE && rule[self.edges[edge] as usize].is_linked();
+        let is_cut = |edge: usize| {
+            let are_alike = EdgeShare::CORNERS[edge].map(|corner| holders[corner]) == [Holder::Sensor; 2];
+            let number = self.edges[edge];
+            !are_alike && number != NO_EDGE && rule[number as usize].is_linked()
+        };
         let is_clean = is_clean(differs, is_cut);
         let mut cut = CutElement::default();
         let mut ends_in = EndsIn::Nothing;
         for (edge, [a, b]) in EdgeShare::CORNERS.into_iter().enumerate() {
-            let are_free = [a, b].map(|corner| holders[corner] == Holder::None);
-            if self.edges[edge] == NO_EDGE || (differs[a] && differs[b] && are_free == [false; 2]) {
+            if self.edges[edge] == NO_EDGE {
                 continue;
             }
             let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
@@ -165,8 +169,7 @@ impl Element {
                     _ => weight,
                 };
                 cut.certain[own] += certain;
-                // What the sensor holds has no links but those of its edges, which are no less.
-                cut.exact[own] += if holders[own] == Holder::None { weight * factor } else { certain };
+                cut.exact[own] += weight * factor;
             }
         }
         (cut, ends_in)
