@@ -32,16 +32,25 @@ const LARGE_MESHES: [usize; 2] = [1_000_000, 3_000_000];
 /// With `--test` each bench runs once, to see that it does; the smallest meshes show that.
 const TESTED_MESHES: [usize; 2] = [10_000, 30_000];
 
+/// Whether everything is to run once, to see that it does.
+pub fn is_test() -> bool {
+    std::env::args().any(|argument| argument == "--test")
+}
+
+/// Whether large meshes are to be measured too.
+pub fn is_large() -> bool {
+    std::env::var(LARGE).is_ok_and(|value| value == "1")
+}
+
 /// Largest numbers of tetrahedra to be measured in this run.
 pub fn mesh_sizes() -> Vec<usize> {
-    if std::env::args().any(|argument| argument == "--test") {
+    if is_test() {
         return TESTED_MESHES.to_vec();
     }
-    let large = std::env::var(LARGE).is_ok_and(|value| value == "1");
-    if !large {
+    if !is_large() {
         eprintln!("meshes of {LARGE_MESHES:?} elements are skipped; {LARGE}=1 measures them too");
     }
-    MESHES.into_iter().chain(LARGE_MESHES.into_iter().filter(|_| large)).collect()
+    MESHES.into_iter().chain(LARGE_MESHES.into_iter().filter(|_| is_large())).collect()
 }
 
 /// What the simulator is measured with, on so many threads or all there are.
@@ -110,6 +119,11 @@ impl Motion {
             depth
         });
         Self { name, images: images.collect(), next: 0 }
+    }
+
+    /// Frames on the whole way there and back.
+    pub fn len(&self) -> usize {
+        self.images.len()
     }
 
     pub fn next(&mut self) -> &DepthLayers {

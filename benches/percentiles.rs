@@ -1,0 +1,88 @@
+//! What single frames of the steel-bar scene take, update and solve: most need no step of an iteration and some need several,
+//! which a mean, as the bench `frame` tells it, does not show.
+//!
+//! Prints the 10th, 50th and 90th percentile and the mean in milliseconds, of whole ways of the bar there and back, C to 1e-4.
+//! `CAPSENSE_BENCH_LARGE=1` adds meshes of more than 300,000 tetrahedra; arguments are names of rows to be measured alone.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod common;
+
+use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::mesh::Lattice;
+use capsense_core::sensor::Sensor;
+use capsense_core::simulator::Simulator;
+use common::{Motion, design, is_large, is_test, on_lattice, on_tetrahedra, solver_options};
+use std::time::Instant;
+
+const GROUNDED: Material = Material::Conductor(Connection::Grounded);
+
+/// Numbers of tetrahedra on lattices and of plain tetrahedra, up to the first that only large runs measure.
+const LATTICES: [usize; 6] = [25_000, 30_000, 200_000, 300_000, 1_500_000, 3_000_000];
+const MESHES: [usize; 4] = [30_000, 300_000, 1_000_000, 3_000_000];
+const LARGEST_OF_ALL_RUNS: usize = 300_000;
+
+/// Ways there and back that count; one before does not.
+const WAYS: usize = 2;
+
+/// How sensors are made of lattices.
+type Build = fn(&Lattice) -> Sensor;
+
+/// The milliseconds of each frame, in increasing order.
+fn milliseconds(simulator: &mut Simulator, motion: &mut Motion, ways: usize) -> Vec<f64> {
+    let frames = motion.len();
+    let mut took: Vec<f64> = (0..(ways + 1) * frames)
+        .map(|_| {
+            let depth = motion.next();
+            let start = Instant::now();
+            let _ = simulator.step(depth).unwrap();
+            1e3 * start.elapsed().as_secs_f64()
+        })
+        .skip(frames)
+        .collect();
+    took.sort_unstable_by(f64::total_cmp);
+    took
+}
+
+fn measure(name: &str, size: usize, (build, material): (Build, Material), wanted: &[String]) {
+    if !wanted.is_empty() && !wanted.iter().any(|wanted| wanted == name) {
+        return;
+    }
+    let lattice = design().lattice(size).unwrap();
+    for threads in [Some(1), None] {
+        let mut simulator = Simulator::new(build(&lattice), vec![material], solver_options(threads)).unwrap();
+        for mut motion in Motion::all() {
+            let took = milliseconds(&mut simulator, &mut motion, if is_test() { 1 } else { WAYS });
+            let at = |part: f64| took[(part * (took.len() - 1) as f64).round() as usize];
+            let mean = took.iter().sum::<f64>() / took.len() as f64;
+            let threads = threads.map_or("all".to_owned(), |count| count.to_string());
+            println!(
+                "{name:<12} {:>9} {threads:>7} {:<9} {:>7.3} {:>7.3} {:>7.3} {mean:>7.3}",
+                lattice.tet_count(),
+                motion.name,
+                at(0.1),
+                at(0.5),
+                at(0.9),
+            );
+        }
+    }
+}
+
+fn main() {
+    let wanted: Vec<String> =
+        std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let largest = match (is_test(), is_large()) {
+        (true, _) => LATTICES[0],
+        (false, true) => usize::MAX,
+        (false, false) => LARGEST_OF_ALL_RUNS,
+    };
+    let glass = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
+    println!("method            tets threads motion        10%     50%     90%    mean");
+    for size in LATTICES.into_iter().filter(|size| *size <= largest) {
+        measure("lattice", size, (on_lattice, GROUNDED), &wanted);
+        measure("lattice-80", size, (on_lattice, glass), &wanted);
+    }
+    for size in MESHES.into_iter().filter(|size| *size <= largest) {
+        measure("csr", size, (on_tetrahedra, GROUNDED), &wanted);
+    }
+}
