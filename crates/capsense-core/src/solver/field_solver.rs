@@ -4,7 +4,7 @@ use super::bracket::Bracket;
 use super::csr::CsrSolver;
 use super::demand::Demand;
 use super::energy_error::{ErrorRule, Experience};
-use super::green::Green;
+use super::green::{Empty, Green};
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
@@ -213,9 +213,9 @@ impl FieldSolver {
             let potential = |column: usize, row: usize| fields.potential(column, row);
             let inverse = |nodes: &[u32]| fields.inverse(nodes);
             let energies = &self.bracket.energies;
-            let green = Green::new(matrix, fixed, energies, self.columns, potential, inverse);
-            self.bracket.is_lost |= green.is_some();
-            self.green = green.map(Box::new);
+            let empty = Empty::new(matrix, fixed, energies, self.columns, potential, inverse);
+            self.bracket.is_lost |= empty.is_some();
+            self.green = empty.map(|empty| Box::new(Green::new(empty)));
         }
     }
 

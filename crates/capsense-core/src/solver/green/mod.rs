@@ -15,7 +15,7 @@ use crate::stiffness::StiffnessMatrix;
 use changes::Changes;
 use std::sync::OnceLock;
 use system::System;
-use table::Empty;
+pub(crate) use table::Empty;
 
 /// Up to as many unknowns as this times n^(2/3), of n free nodes, dense equations cost less than a factorisation of all of
 /// K, which takes n² products.
@@ -35,25 +35,16 @@ pub(crate) struct Green {
 }
 
 impl Green {
-    /// From the fields of the empty scene, `potential` by column and row, their energies, and K⁻¹ between some nodes.
-    /// `None` where there are too many nodes.
-    pub(crate) fn new(
-        matrix: &StiffnessMatrix,
-        fixed: &[bool],
-        energies: &[f64],
-        columns: usize,
-        potential: impl Fn(usize, usize) -> f64,
-        inverse: impl FnOnce(&[u32]) -> Option<Vec<f64>>,
-    ) -> Option<Self> {
-        let empty = Empty::new(matrix, fixed, energies, columns, potential, inverse)?;
+    /// From a table of the empty scene.
+    pub(crate) fn new(empty: Empty) -> Self {
         let capacity = (LARGEST * (empty.free() as f64).powf(2.0 / 3.0)) as usize;
-        Some(Self {
+        Self {
             changes: Changes::new(&empty),
-            system: System::new(capacity, columns),
+            system: System::new(capacity, empty.columns),
             capacity,
             empty,
             charges: OnceLock::new(),
-        })
+        }
     }
 
     /// Computes the energies of a frame. Returns their relative error, or `None` where too much differs from the empty

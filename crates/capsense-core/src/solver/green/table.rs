@@ -10,7 +10,7 @@ pub(super) type Holder = Option<u32>;
 
 /// What does not change from frame to frame.
 #[derive(Clone, Debug)]
-pub(super) struct Empty {
+pub(crate) struct Empty {
     pub(super) columns: usize,
     /// Of each row, nodes and then electrodes and objects.
     holder: Vec<Holder>,
@@ -32,7 +32,7 @@ pub(super) struct Empty {
 impl Empty {
     /// Of a scene with fields that are solved for. `inverse` tells K⁻¹ between some nodes. `None` where there are too
     /// many of them, or K has no inverse.
-    pub(super) fn new(
+    pub(crate) fn new(
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         energies: &[f64],
