@@ -11,7 +11,7 @@ const REMEMBERED: usize = 32;
 const WINDOW: usize = 12;
 
 /// What solves have shown may fall short by this factor.
-const CAUTION: f64 = 3.0;
+const CAUTION: f64 = 3.5;
 
 /// The first solves, and every so many after them, are made long enough to learn from.
 const FIRST_TO_LEARN: u32 = 4;

@@ -11,8 +11,8 @@ use super::energy_error::{LARGE_CHANGE, is_large};
 const KINDS: usize = 3;
 
 /// A ratio is known to so many of its standard deviations, and no better than to a part of it.
-const CAUTION: [f64; KINDS] = [2.5, 4.0, 4.0];
-const LEAST: [f64; KINDS] = [0.05, 0.4, 0.4];
+const CAUTION: [f64; KINDS] = [3.0, 4.5, 4.5];
+const LEAST: [f64; KINDS] = [0.06, 0.45, 0.45];
 
 /// What a ratio weighs once another was seen.
 const FADING: f64 = 0.9;
