@@ -35,7 +35,9 @@ pub(super) struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, position: 0, encoding: Encoding::Ascii, size_bytes: 8 }
+        // Editors put a mark for UTF-8 at the beginning of a text.
+        let position = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Self { bytes, position, encoding: Encoding::Ascii, size_bytes: 8 }
     }
 
     /// Where the next number begins.

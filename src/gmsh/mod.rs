@@ -6,14 +6,18 @@
 
 mod build;
 mod cursor;
+mod defects;
+mod element_type;
 mod error;
 mod faces;
 mod file;
+mod repair;
 mod v2;
 mod v4;
 mod write;
 
 pub use cursor::Encoding;
+pub use defects::{Defects, Found};
 pub use error::{At, GmshError};
 pub use faces::{boundary_faces, faces_among};
 pub use file::{Element, FormatVersion, GmshFile, GroupKey, PhysicalGroup, SurfaceSummary};
@@ -46,19 +50,31 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
                 physical_names(cursor, &mut builder)?;
                 close(cursor, "$EndPhysicalNames")?;
             }
-            ("Entities", FormatVersion::V4_1) => {
+            ("Entities" | "PartitionedEntities", FormatVersion::V4_1) => {
+                let is_partitioned = name == "PartitionedEntities";
                 if builder.has_elements {
+                    let section = if is_partitioned { "PartitionedEntities" } else { "Entities" };
                     let rule = "before $Elements";
-                    return Err(GmshError::Order { at: cursor.at(mark), section: "Entities", rule });
+                    return Err(GmshError::Order { at: cursor.at(mark), section, rule });
                 }
                 cursor.start_data()?;
-                v4::entities(cursor, &mut builder, &mut entities)?;
-                close(cursor, "$EndEntities")?;
+                if is_partitioned {
+                    v4::partitioned_entities(cursor, &mut builder, &mut entities)?;
+                    close(cursor, "$EndPartitionedEntities")?;
+                } else {
+                    v4::entities(cursor, &mut builder, &mut entities)?;
+                    close(cursor, "$EndEntities")?;
+                }
+            }
+            ("ParametricNodes", FormatVersion::V2_2) => {
+                builder.has_nodes = true;
+                v2::nodes(cursor, &mut builder, true)?;
+                close(cursor, "$EndParametricNodes")?;
             }
             ("Nodes", _) => {
                 builder.has_nodes = true;
                 match version {
-                    FormatVersion::V2_2 => v2::nodes(cursor, &mut builder)?,
+                    FormatVersion::V2_2 => v2::nodes(cursor, &mut builder, false)?,
                     FormatVersion::V4_1 => {
                         cursor.start_data()?;
                         v4::nodes(cursor, &mut builder)?;
@@ -81,9 +97,6 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
                     }
                 }
                 close(cursor, "$EndElements")?;
-            }
-            ("PartitionedEntities", _) => {
-                return Err(GmshError::Partitioned { at: cursor.at(mark) });
             }
             ("MeshFormat", _) => {
                 return Err(cursor.unexpected(mark, "one section $MeshFormat", "$MeshFormat"));
