@@ -1,190 +1,119 @@
+//! What the order of nodes and elements in memory means for frames on meshes that are no lattice: as the mesh was made,
+//! shuffled, and as scenes sort meshes from files (`TetMesh::order_in_space`).
+//!
+//! Prints the mean milliseconds of an update and of a solve, one thread, C to 1e-4; the orders take turns. Arguments are
+//! Gmsh files in metres that fit the domain of the benches, with nodes on the three electrodes; without any, bisected
+//! lattices are measured.
+
 #![allow(clippy::unwrap_used, missing_docs)]
+
 mod common;
-use capsense_core::glam::DVec3;
+
+use capsense::gmsh;
 use capsense_core::material::{Connection, Material};
-use capsense_core::mesh::{Bisection, Lattice, TetMesh};
+use capsense_core::mesh::{Bisection, TetMesh};
 use capsense_core::sensor::{ElectrodeNodes, Sensor};
 use capsense_core::simulator::Simulator;
 use capsense_core::units::LengthUnit;
-use common::{DOMAIN, Motion, design, solver_options};
+use common::{Motion, design, is_large, is_test, solver_options};
 use std::time::Instant;
 
-fn sensor(mesh: TetMesh) -> Sensor {
-    let bounds = mesh.bounds();
-    let ground: Vec<u32> = (0..mesh.nodes().len() as u32)
-        .filter(|&n| {
-            let p = mesh.nodes()[n as usize];
-            (p - bounds.min).min_element() < 1e-9 || (bounds.max - p).min_element() < 1e-9
-        })
-        .collect();
-    let electrodes =
-        design().electrodes.into_iter().map(|e| (e.name.clone(), ElectrodeNodes::Shape(e))).collect();
-    Sensor::on_mesh(mesh, &ground, electrodes).unwrap()
+/// Every so manieth image of a motion is a frame: 4 mm.
+const STRIDE: usize = 4;
+
+/// Ways there and back that count; one before does not.
+const WAYS: usize = 2;
+
+/// A lattice with an eighth of the elements, refined towards the electrodes.
+fn bisected(elements: usize) -> TetMesh {
+    let mut mesh = Bisection::new(&design().lattice(elements / 8).unwrap()).unwrap();
+    let _ = mesh.refine_to_size(
+        |at| 5e-4 + 0.02 * (at.z.abs() + (at.x.abs() - 0.05).max(0.0) + (at.y.abs() - 0.04).max(0.0)),
+        elements,
+    );
+    mesh.into_tet_mesh().unwrap()
 }
 
-fn hash(mut x: u64) -> u64 {
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58476d1ce4e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d049bb133111eb);
-    x ^ (x >> 31)
+fn sensor(mesh: TetMesh) -> Sensor {
+    let (bounds, slack) = (mesh.bounds(), 1e-9);
+    let on_wall = |node: &u32| {
+        let at = mesh.nodes()[*node as usize];
+        (at - bounds.min).min_element() < slack || (bounds.max - at).min_element() < slack
+    };
+    let ground: Vec<u32> = (0..mesh.nodes().len() as u32).filter(on_wall).collect();
+    let electrodes = design().electrodes.into_iter();
+    let electrodes = electrodes.map(|electrode| (electrode.name.clone(), ElectrodeNodes::Shape(electrode)));
+    Sensor::on_mesh(mesh, &ground, electrodes.collect()).unwrap()
 }
-fn by<K: Ord>(mesh: &TetMesh, key: impl Fn(usize, DVec3) -> K) -> Vec<u32> {
+
+/// The same nodes in an order that has nothing to do with where they are.
+fn shuffled(mesh: &TetMesh) -> Vec<u32> {
     let mut order: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
-    order.sort_by_cached_key(|&n| (key(n as usize, mesh.nodes()[n as usize]), n));
+    order.sort_by_cached_key(|&node| {
+        // The finaliser of SplitMix64.
+        let bits = (u64::from(node) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb)
+    });
     order
 }
-fn grid(mesh: &TetMesh, p: DVec3) -> [u32; 3] {
-    let b = mesh.bounds();
-    ((p - b.min) / b.size().max_element() * 1_048_575.0).to_array().map(|v| v as u32)
-}
-fn spread(v: u32) -> u64 {
-    (0..20).fold(0, |s, bit| s | ((u64::from(v) >> bit & 1) << (3 * bit)))
-}
-fn morton(c: [u32; 3]) -> u64 {
-    spread(c[0]) | spread(c[1]) << 1 | spread(c[2]) << 2
-}
-/// Skilling 2004.
-fn hilbert(mut x: [u32; 3]) -> u64 {
-    let m = 1u32 << 19;
-    let mut q = m;
-    while q > 1 {
-        let p = q - 1;
-        for i in 0..3 {
-            if x[i] & q != 0 {
-                x[0] ^= p;
-            } else {
-                let t = (x[0] ^ x[i]) & p;
-                x[0] ^= t;
-                x[i] ^= t;
-            }
-        }
-        q >>= 1;
-    }
-    x[1] ^= x[0];
-    x[2] ^= x[1];
-    let mut t = 0;
-    let mut q = m;
-    while q > 1 {
-        if x[2] & q != 0 {
-            t ^= q - 1;
-        }
-        q >>= 1;
-    }
-    for v in &mut x {
-        *v ^= t;
-    }
-    spread(x[2]) | spread(x[1]) << 1 | spread(x[0]) << 2
-}
-fn rcm(mesh: &TetMesh) -> Vec<u32> {
-    let n = mesh.nodes().len();
-    let mut at = vec![Vec::new(); n];
-    for t in mesh.tets() {
-        for &a in t {
-            for &b in t {
-                if a != b {
-                    at[a as usize].push(b);
+
+fn measure(name: &str, mesh: &TetMesh) {
+    let made = (0..mesh.nodes().len() as u32).collect();
+    let orders: [(&str, Vec<u32>); 3] =
+        [("as made", made), ("shuffled", shuffled(mesh)), ("in space", mesh.order_in_space())];
+    let mut simulators = orders.map(|(order, nodes)| {
+        let grounded = vec![Material::Conductor(Connection::Grounded)];
+        let sensor = sensor(mesh.renumbered(&nodes));
+        (order, Simulator::new(sensor, grounded, solver_options(Some(1))).unwrap(), [0.0; 2])
+    });
+    for mut motion in Motion::all() {
+        let frames = motion.len() / STRIDE;
+        for way in 0..=if is_test() { 1 } else { WAYS } {
+            let images: Vec<_> = (0..frames)
+                .map(|_| {
+                    (1..STRIDE).for_each(|_| _ = motion.next());
+                    motion.next().clone()
+                })
+                .collect();
+            for (_, simulator, took) in &mut simulators {
+                if way == 1 {
+                    *took = [0.0; 2];
+                }
+                for image in &images {
+                    let start = Instant::now();
+                    let _ = simulator.update(image).unwrap();
+                    let updated = Instant::now();
+                    let _ = simulator.solve().unwrap();
+                    took[0] += (updated - start).as_secs_f64();
+                    took[1] += updated.elapsed().as_secs_f64();
                 }
             }
         }
-    }
-    for l in &mut at {
-        l.sort_unstable();
-        l.dedup();
-    }
-    let mut from = 0u32;
-    let mut order = Vec::new();
-    for _ in 0..2 {
-        let mut seen = vec![false; n];
-        order.clear();
-        order.push(from);
-        seen[from as usize] = true;
-        let mut next = 0;
-        while next < order.len() {
-            let mut l: Vec<u32> = at[order[next] as usize].clone();
-            next += 1;
-            l.retain(|&o| !std::mem::replace(&mut seen[o as usize], true));
-            l.sort_by_key(|&o| (at[o as usize].len(), o));
-            order.extend(l);
+        let counted = (frames * if is_test() { 1 } else { WAYS }) as f64;
+        for (order, _, took) in &simulators {
+            let [update, solve] = took.map(|seconds| 1e3 * seconds / counted);
+            let tets = mesh.tets().len();
+            println!("{name:<24} {tets:>8} {:<9} {order:<9} {update:>7.3} {solve:>7.3}", motion.name);
         }
-        from = *order.last().unwrap();
     }
-    assert_eq!(order.len(), n);
-    order.reverse();
-    order
-}
-
-fn cpu() -> f64 {
-    let stat = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
-    stat.split_whitespace().next().unwrap().parse::<f64>().unwrap() * 1e-6
 }
 
 fn main() {
-    let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
-    let mesh = match args[0].parse::<usize>() {
-        Ok(size) => {
-            let lattice = design().lattice(size / 8).unwrap();
-            let mut b = Bisection::new(&lattice).unwrap();
-            let near = |p: DVec3| 0.0005 + 0.02 * (p.z.abs() + (p.x.abs() - 0.05).max(0.0) + (p.y.abs() - 0.04).max(0.0));
-            let near = |p: DVec3| near(p) * args.get(2).map_or(1.0, |f| f.parse().unwrap());
-            b.refine_to_size(near, size);
-            b.into_tet_mesh().unwrap()
-        }
-        Err(_) => capsense::gmsh::parse(&std::fs::read(&args[0]).unwrap())
-            .unwrap()
-            .to_tet_mesh(LengthUnit::Metre)
-            .unwrap(),
-    };
-    let _ = (DOMAIN, Lattice::new);
-    println!("{} tets {} nodes", mesh.tets().len(), mesh.nodes().len());
-    let wanted: Vec<&str> = args[1].split(',').collect();
-    let made: Vec<(&str, Box<dyn Fn() -> Vec<u32>>)> = vec![
-        ("file", Box::new(|| (0..mesh.nodes().len() as u32).collect())),
-        ("random", Box::new(|| by(&mesh, |n, _| hash(n as u64 + 1)))),
-        ("z", Box::new(|| by(&mesh, |_, p| { let g = grid(&mesh, p); [g[2], g[1], g[0]] }))),
-        ("x", Box::new(|| by(&mesh, |_, p| grid(&mesh, p)))),
-        ("morton", Box::new(|| by(&mesh, |_, p| morton(grid(&mesh, p))))),
-        ("hilbert", Box::new(|| by(&mesh, |_, p| hilbert(grid(&mesh, p))))),
-        ("rcm", Box::new(|| rcm(&mesh))),
-    ];
-    let mut sims = Vec::new();
-    for (name, order) in made.iter().filter(|m| wanted.contains(&m.0)) {
-        let t = Instant::now();
-        let order = order();
-        let ordering = t.elapsed().as_secs_f64();
-        let renumbered = mesh.renumbered(&order);
-        let t = Instant::now();
-        let sim = Simulator::new(
-            sensor(renumbered),
-            vec![Material::Conductor(Connection::Grounded)],
-            solver_options(Some(1)),
-        )
-        .unwrap();
-        println!("{name}: order {ordering:.3} s, build {:.3} s", t.elapsed().as_secs_f64());
-        sims.push((*name, sim));
+    println!("mesh                         tets motion    order      update   solve");
+    let files: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    for file in &files {
+        let mesh =
+            gmsh::parse(&std::fs::read(file).unwrap()).unwrap().to_tet_mesh(LengthUnit::Metre).unwrap();
+        measure(file, &mesh);
     }
-    let ways = 2;
-    for mut motion in Motion::all() {
-        let mut times = vec![[0.0f64; 2]; sims.len()];
-        let frames = 40.min(motion.len());
-        let images: Vec<_> = (0..frames).map(|_| { for _ in 0..4 { motion.next(); } motion.next().clone() }).collect();
-        for way in 0..=ways {
-            for (k, (_, sim)) in sims.iter_mut().enumerate() {
-                for depth in &images {
-                    let a = cpu();
-                    sim.update(depth).unwrap();
-                    let b = cpu();
-                    let _ = sim.solve().unwrap();
-                    let c = cpu();
-                    if way > 0 {
-                        times[k][0] += b - a;
-                        times[k][1] += c - b;
-                    }
-                }
-            }
-        }
-        let n = (ways * frames) as f64;
-        for (k, (name, sim)) in sims.iter().enumerate() {
-            let [u, s] = times[k].map(|t| t / n);
-            println!("{:<9} {name:<8} update {u:.3} solve {s:.3} step {:.3} ms  x{:.3}  C11 {:.6e}", motion.name, u + s, (times[0][0] + times[0][1]) / (times[k][0] + times[k][1]), sim.capacitance().get(0, 0));
-        }
+    let sizes: &[usize] = match (files.is_empty(), is_test(), is_large()) {
+        (false, _, _) => &[],
+        (true, true, _) => &[20_000],
+        (true, false, false) => &[300_000],
+        (true, false, true) => &[300_000, 1_000_000],
+    };
+    for &size in sizes {
+        measure("bisected", &bisected(size));
     }
 }

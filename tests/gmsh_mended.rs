@@ -87,7 +87,10 @@ fn nodes_without_elements_are_left_out() {
     assert_cube(&file, &defects);
     assert_eq!(file.surface_summary().unwrap().detached_triangles, [77]);
     let error = file.nodes_of(12).unwrap_err().to_string();
-    assert!(error.contains("physical surface 12") && error.contains("part of the mesh of the volume"), "{error}");
+    assert!(
+        error.contains("physical surface 12") && error.contains("part of the mesh of the volume"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -144,7 +147,8 @@ fn parametric_nodes_and_partitions_are_read() {
         .replace("2 1 0 0e0\n", "2 1 0 0e0 1 4 0.25\n")
         .replace("3 0 1 0e0\n", "3 0 1 0e0 2 5 0.25 0.75\n");
     let inside = ["4 1 1 0e0", "5 0 0 1e0", "6 1 0 1e0", "7 0 1 1e0", "8 1 1 1e0"];
-    let text = inside.iter().fold(text, |text, line| text.replace(&format!("{line}\n"), &format!("{line} 3 1\n")));
+    let text =
+        inside.iter().fold(text, |text, line| text.replace(&format!("{line}\n"), &format!("{line} 3 1\n")));
     assert_cube(&gmsh::parse(text.as_bytes()).unwrap(), &Defects::default());
     // Volume 1 is cut into 7 and 8, which are in its group; surface 9 lies between them and is a part of volume 1.
     let parts = "$PartitionedEntities\n2\n1\n70 2\n0 0 1 2\n9 3 1 2 1 2 0 0 0 1 1 1 0 0\n\
@@ -179,7 +183,9 @@ fn faces_whose_nodes_are_in_one_group_are_not_called_open() {
 fn a_file_without_groups_says_why_that_may_be() {
     let text = ascii_v2("", dense).replace("2 2 11 5", "2 2 0 5");
     let warnings = mesh_warnings(&gmsh::parse(text.as_bytes()).unwrap()).unwrap();
-    assert!(warnings[0].contains("no triangle is in a physical group") && warnings[0].contains("Mesh.SaveAll"));
+    assert!(
+        warnings[0].contains("no triangle is in a physical group") && warnings[0].contains("Mesh.SaveAll")
+    );
 }
 
 #[test]

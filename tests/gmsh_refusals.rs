@@ -7,8 +7,8 @@ mod common;
 use capsense::gmsh::{self, At, GmshError, GmshFile, GroupKey};
 use capsense_core::mesh::MeshError;
 use capsense_core::units::LengthUnit;
-use glam::DVec3;
 use common::gmsh_cube::{NAMES, all_encodings, ascii_v2, ascii_v4, binary_v2, dense, sparse};
+use glam::DVec3;
 use proptest::prelude::*;
 
 /// The error of the 2.2 cube with one piece of its text replaced.

@@ -250,7 +250,8 @@ impl GmshFile {
             .iter()
             .filter(|(key, _)| all.binary_search_by_key(key, |face| face.key).is_err())
             .map(|&(_, tag)| tag);
-        summary.detached_triangles = self.defects.detached_triangles.iter().copied().chain(detached).collect();
+        summary.detached_triangles =
+            self.defects.detached_triangles.iter().copied().chain(detached).collect();
         summary.detached_triangles.sort_unstable();
         Ok(summary)
     }

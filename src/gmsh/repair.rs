@@ -204,13 +204,11 @@ fn merge<const N: usize>(
     order.sort_unstable();
     let mut stays = vec![true; elements.len()];
     for same in order.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
-        let mut groups: BTreeSet<i32> =
-            labels.list(elements[same[0].1].label).iter().copied().collect();
+        let mut groups: BTreeSet<i32> = labels.list(elements[same[0].1].label).iter().copied().collect();
         for &(_, index) in &same[1..] {
             let list = labels.list(elements[index].label);
-            let is_elsewhere = !groups.is_empty()
-                && !list.is_empty()
-                && !list.iter().any(|group| groups.contains(group));
+            let is_elsewhere =
+                !groups.is_empty() && !list.is_empty() && !list.iter().any(|group| groups.contains(group));
             groups.extend(list);
             dropped(elements[index].tag, is_elsewhere);
             stays[index] = false;

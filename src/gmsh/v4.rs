@@ -151,6 +151,7 @@ fn entity(cursor: &mut Cursor<'_>) -> Result<(u8, i32), GmshError> {
 
 /// Blocks of: entity, whether positions have parameters, number of nodes, all tags, all positions.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
+    cursor.start_data()?;
     let (blocks, mut total) = head(cursor, "nodes")?;
     let mut tags = Vec::new();
     for _ in 0..blocks {
@@ -190,6 +191,7 @@ pub(super) fn elements(
     builder: &mut Builder,
     entities: &Entities,
 ) -> Result<(), GmshError> {
+    cursor.start_data()?;
     let (blocks, mut total) = head(cursor, "elements")?;
     for _ in 0..blocks {
         let (dimension, entity) = entity(cursor)?;

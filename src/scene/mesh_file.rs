@@ -44,11 +44,7 @@ pub(super) fn sensor(
 }
 
 /// The numbers of the file served to find groups; from here on frames get the order in which they are fastest.
-fn sorted_in_space(
-    mesh: &TetMesh,
-    ground: &[u32],
-    electrodes: Vec<(String, ElectrodeNodes)>,
-) -> SceneSensor {
+fn sorted_in_space(mesh: &TetMesh, ground: &[u32], electrodes: Vec<(String, ElectrodeNodes)>) -> SceneSensor {
     let order = mesh.order_in_space();
     let place = places(&order);
     let moved = |nodes: &[u32]| -> Vec<u32> {
@@ -267,12 +263,14 @@ pub fn mesh_warnings(gmsh: &GmshFile) -> Result<Vec<String>, GmshError> {
     let is_in_group = !gmsh.triangles.iter().all(|triangle| gmsh.groups_of(triangle).is_empty());
     if !is_in_group && !gmsh.triangles.is_empty() {
         warnings.push(
-            "no triangle is in a physical group; in format 2.2, Gmsh's Mesh.SaveAll drops all groups".to_owned(),
+            "no triangle is in a physical group; in format 2.2, Gmsh's Mesh.SaveAll drops all groups"
+                .to_owned(),
         );
     }
     let (unlabelled, enclosed) = (summary.unlabelled_boundary_faces, summary.enclosed_boundary_faces);
     if unlabelled > 0 {
-        let mut warning = format!("{unlabelled} of {} boundary faces are in no group; ", summary.boundary_faces);
+        let mut warning =
+            format!("{unlabelled} of {} boundary faces are in no group; ", summary.boundary_faces);
         if enclosed > 0 {
             warning += &format!("{enclosed} of them count as part of the group that has all their nodes; ");
         }

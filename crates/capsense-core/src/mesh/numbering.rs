@@ -92,8 +92,7 @@ mod tests {
     #[test]
     fn an_order_in_space_fills_one_eighth_after_the_other_whatever_the_order_before() {
         let mesh = cube();
-        let shuffled =
-            mesh.renumbered(&(0..729).map(|node| (node * 100 + 7) % 729).collect::<Vec<u32>>());
+        let shuffled = mesh.renumbered(&(0..729).map(|node| (node * 100 + 7) % 729).collect::<Vec<u32>>());
         let sorted = mesh.renumbered(&mesh.order_in_space());
         assert_eq!(shuffled.renumbered(&shuffled.order_in_space()).nodes(), sorted.nodes());
         // Planes at -1, -0.5, … 3: four are below the middle of each side, five from there on.
