@@ -78,6 +78,8 @@ fn inverted_elements_are_turned_over() {
 fn nodes_without_elements_are_left_out() {
     let file = v2(&[("$Nodes\n8\n", "$Nodes\n10\n4711 5 5 5\n9 0.4 0.6 -1\n")]);
     assert_cube(&file, &Defects { unused_nodes: Found { count: 2, first: 4711 }, ..Defects::default() });
+    let file = v2(&[("$Nodes\n8\n", "$Nodes\n9\n9 1e12 0 0\n")]);
+    assert_cube(&file, &Defects { unused_nodes: one(9), ..Defects::default() });
     // A labelled triangle at them is not part of the volume.
     let file = v2(&[
         ("$Nodes\n8\n", "$Nodes\n9\n4711 5 5 5\n"),

@@ -128,7 +128,7 @@ fn errors_of_counts_are_told_before_memory_is_taken() {
 
 #[test]
 fn errors_of_nodes_are_told() {
-    for bad in ["nan", "-inf", "1e999"] {
+    for bad in ["nan", "-inf", "1e999", "-1.1e12"] {
         assert_eq!(
             damage_v2("8 1 1 1e0", &format!("8 1 {bad} 1")),
             GmshError::NonFinite { at: At::Line(19), node: 8 }
@@ -194,12 +194,9 @@ fn errors_of_elements_are_told() {
 fn defects_of_the_mesh_name_the_numbers_of_the_file() {
     let flat = damage_v4("104 1 7 5 8", "104 1 2 3 4");
     let centre = DVec3::new(0.5, 0.5, 0.0);
-    assert_eq!(flat, GmshError::Flat { at: At::Line(55), element: 104, centre });
-    let says = "line 55: tetrahedron 104 has no volume; remesh around [0.5, 0.5, 0.0]";
+    assert_eq!(flat, GmshError::Flat { at: At::Line(56), element: 104, centre });
+    let says = "line 56: tetrahedron 104 has no volume; remesh around [0.5, 0.5, 0.0]";
     assert!(flat.to_string().starts_with(says), "{flat}");
-    // Coordinates whose volume is no number.
-    let far = damage_v2("8 1 1 1e0", "8 1 1 1e200");
-    assert!(matches!(far, GmshError::Flat { .. }), "{far}");
     // A seventh tetrahedron behind an inner face.
     let text = ascii_v4(NAMES, dense)
         .replace("$Nodes\n2 8 1 8", "$Nodes\n3 9 1 9\n3 2 0 1\n9\n0.5 0.1 0.2")

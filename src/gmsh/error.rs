@@ -122,8 +122,8 @@ pub enum GmshError {
         /// Number of the group.
         tag: i32,
     },
-    /// A coordinate that is NaN or infinite.
-    #[error("{at}: node {node} has a coordinate that is not finite")]
+    /// A coordinate that is NaN, infinite, or absurdly large.
+    #[error("{at}: node {node} has a coordinate that is not finite or larger than 1e12")]
     NonFinite {
         /// Where its coordinates begin.
         at: At,

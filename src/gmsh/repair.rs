@@ -55,7 +55,9 @@ impl Parts {
 
     /// Gives the elements of nodes in one place to the first of them; says which nodes lost theirs.
     fn join_nodes(&mut self) -> Vec<bool> {
-        let extent = Aabb::around(self.nodes.iter().copied()).size().max_element();
+        // A node far off that nothing uses must not make all others one.
+        let corners = self.tets.iter().flat_map(|tet| tet.nodes.map(|node| self.nodes[node as usize]));
+        let extent = Aabb::around(corners).size().max_element().max(0.0);
         let near = SAME_PLACE * extent;
         let mut along: Vec<(f64, u32)> = self.nodes.iter().map(|node| node.dot(SKEWED)).zip(0..).collect();
         along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
