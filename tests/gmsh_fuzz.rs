@@ -50,6 +50,8 @@ enum Change {
     Ones(usize),
     Remove(usize),
     Insert(Vec<u8>),
+    /// The next number that is text is another.
+    Number(u64),
     /// Other bytes of the same file.
     Copy(prop::sample::Index, usize),
     Truncate,
@@ -74,6 +76,7 @@ fn change() -> impl Strategy<Value = Change> {
         1 => prop::collection::vec(any::<u8>(), 1..20).prop_map(Change::Insert),
         2 => prop::sample::select(words.to_vec()).prop_map(|word| Change::Insert(word.into())),
         2 => (any::<prop::sample::Index>(), 1usize..200).prop_map(|(from, length)| Change::Copy(from, length)),
+        3 => prop_oneof![Just(99_999_999), 0..300u64, any::<u64>()].prop_map(Change::Number),
         1 => Just(Change::Truncate),
     ]
 }
@@ -93,6 +96,12 @@ fn apply(bytes: &mut Vec<u8>, at: usize, change: Change) {
         Change::Insert(other) => {
             bytes.splice(at..at, other);
         }
+        Change::Number(value) => {
+            let is_space = |at: &usize| bytes[*at].is_ascii_whitespace();
+            let start = (at..bytes.len()).find(is_space).map_or(at, |space| space + 1);
+            let end = (start..bytes.len()).find(|at| !bytes[*at].is_ascii_digit()).unwrap_or(bytes.len());
+            bytes.splice(start..end, value.to_string().into_bytes());
+        }
         Change::Copy(from, length) => {
             let from = from.index(bytes.len());
             let piece = bytes[from..(from + length).min(bytes.len())].to_vec();
@@ -107,7 +116,8 @@ fn changed_files_neither_panic_nor_take_absurd_memory() {
     let mut files: Vec<Vec<u8>> = all_encodings().into_iter().map(|(_, _, bytes)| bytes).collect();
     files.push(ascii_v2(NAMES, sparse).into_bytes());
     let changes = prop::collection::vec((any::<prop::sample::Index>(), change()), 1..5);
-    let mut runner = TestRunner::new(Config { cases: 3000, failure_persistence: None, ..Config::default() });
+    let mut runner =
+        TestRunner::new(Config { cases: 10_000, failure_persistence: None, ..Config::default() });
     let (read, refused) = (Cell::new(0), Cell::new(0));
     let outcome = runner.run(&(0..files.len(), changes), |(which, changes)| {
         let mut bytes = files[which].clone();

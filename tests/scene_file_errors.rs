@@ -81,7 +81,7 @@ fn mesh_files_are_checked() {
         &scene,
         "[[sensor.electrode]]\nname = \"plate\"",
         "sensor.electrode[1]",
-        "share mesh node",
+        "the groups of `E1` and `plate` share mesh nodes: ",
     );
     let file = |mesh: &str, says: &str| try_mesh(mesh, MESH_SCENE, "file", "mesh.file", says);
     file("nonsense", "cube.msh");
