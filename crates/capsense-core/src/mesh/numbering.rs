@@ -95,10 +95,10 @@ mod tests {
         let shuffled = mesh.renumbered(&(0..729).map(|node| (node * 100 + 7) % 729).collect::<Vec<u32>>());
         let sorted = mesh.renumbered(&mesh.order_in_space());
         assert_eq!(shuffled.renumbered(&shuffled.order_in_space()).nodes(), sorted.nodes());
-        // Planes at -1, -0.5, … 3: four are below the middle of each side, five from there on.
-        let eighth = |node: &DVec3| (0..3).map(|axis| usize::from(node[axis] >= 1.0) << axis).sum::<usize>();
+        // Planes at -1, -0.5, … 3: of the nine along each side, the middle one is in the lower half.
+        let eighth = |node: &DVec3| (0..3).map(|axis| usize::from(node[axis] > 1.0) << axis).sum::<usize>();
         let of_nodes: Vec<usize> = sorted.nodes().iter().map(eighth).collect();
         assert!(of_nodes.is_sorted(), "{of_nodes:?}");
-        assert_eq!(of_nodes.iter().filter(|&&eighth| eighth == 0).count(), 64);
+        assert_eq!(of_nodes.iter().filter(|&&eighth| eighth == 0).count(), 125);
     }
 }
