@@ -8,6 +8,7 @@ use capsense::gmsh::{self, At, GmshError, GmshFile, GroupKey};
 use capsense_core::mesh::MeshError;
 use capsense_core::units::LengthUnit;
 use common::gmsh_cube::{NAMES, all_encodings, ascii_v2, ascii_v4, binary_v2, dense, sparse};
+use glam::DVec3;
 use proptest::prelude::*;
 
 /// The error of the 2.2 cube with one piece of its text replaced.
@@ -73,8 +74,11 @@ fn errors_of_sections_are_told() {
     let late = ascii_v4(NAMES, dense) + "$Entities\n0 0 0 0\n$EndEntities\n";
     let late = gmsh::parse(late.as_bytes()).unwrap_err();
     assert!(matches!(late, GmshError::Order { section: "Entities", .. }));
-    let partitioned = damage_v4("$Nodes", "$PartitionedEntities\n2\n$EndPartitionedEntities\n$Nodes");
-    assert_eq!(partitioned, GmshError::Partitioned { at: At::Line(19) });
+    let parts = "$PartitionedEntities\n2 0 0 0 0 0\n$EndPartitionedEntities\n";
+    let late = gmsh::parse((ascii_v4(NAMES, dense) + parts).as_bytes()).unwrap_err();
+    assert!(matches!(late, GmshError::Order { section: "PartitionedEntities", .. }));
+    let ghosts = damage_v4("$Nodes", "$PartitionedEntities\n2\n18446744073709551615\n$Nodes");
+    assert!(matches!(ghosts, GmshError::Count { at: At::Line(21), what: "ghost entities", .. }));
     let again = damage_v2("$Nodes", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes");
     assert!(matches!(again, GmshError::Unexpected { at: At::Line(10), .. }));
     let twice = damage_v2("2 11 \"E 1\"", "3 1 \"E 1\"");
@@ -124,7 +128,7 @@ fn errors_of_counts_are_told_before_memory_is_taken() {
 
 #[test]
 fn errors_of_nodes_are_told() {
-    for bad in ["nan", "-inf", "1e999"] {
+    for bad in ["nan", "-inf", "1e999", "-1.1e12"] {
         assert_eq!(
             damage_v2("8 1 1 1e0", &format!("8 1 {bad} 1")),
             GmshError::NonFinite { at: At::Line(19), node: 8 }
@@ -166,10 +170,8 @@ fn errors_of_elements_are_told() {
         (5, "hexahedron"),
         (6, "prism"),
         (7, "pyramid"),
-        (8, "second-order line"),
-        (9, "second-order triangle"),
-        (11, "second-order tetrahedron"),
-        (29, "tetrahedron of higher order"),
+        (10, "quadrangle"),
+        (12, "hexahedron"),
         (140, "shape unknown here"),
     ] {
         let error = damage_v2("101 4 4", &format!("101 {number} 4"));
@@ -181,33 +183,20 @@ fn errors_of_elements_are_told() {
     // A triangle on a volume would inherit the number of a volume group.
     assert!(matches!(damage_v4("2 5 2 2", "3 1 2 2"), GmshError::Unexpected { at: At::Line(46), .. }));
     assert!(matches!(damage_v4("2 5 2 2", "-1 5 2 2"), GmshError::Unexpected { at: At::Line(46), .. }));
-    // In format 2.2 the same tetrahedron may come again in another group, but not twice in one.
+    // A node between the corners of an element of second order must be there, too.
     assert_eq!(
-        damage_v2("102 4 4 1 1 1 1 1 4 3 8", "102 4 4 1 1 1 1 1 2 4 8"),
-        GmshError::DuplicateTet(101, 102)
+        damage_v2("101 4 4 1 1 1 1 1 2 4 8", "101 11 4 1 1 1 1 1 2 4 8 1 2 3 4 5 99"),
+        GmshError::UnknownNode { at: At::Line(28), element: 101, node: 99 }
     );
-    for again in ["4 2 0 1 1 2 4 8", "4 0 1 2 4 8", "4 2 20 1 2 4 1 8"] {
-        let error = damage_v2("$Elements\n11", &format!("$Elements\n12\n99 {again}"));
-        assert_eq!(error, GmshError::DuplicateTet(99, 101));
-    }
-    assert_eq!(damage_v4("102 1 4 3 8", "102 2 4 1 8"), GmshError::DuplicateTet(101, 102));
-    assert_eq!(damage_v4("105 1 5 6 8", "105 1 2 4 8"), GmshError::DuplicateTet(101, 105));
 }
 
 #[test]
 fn defects_of_the_mesh_name_the_numbers_of_the_file() {
-    let inverted = damage_v2("104 4 4 2 1 1 1 1 7 5 8", "104 4 4 2 1 1 1 7 1 5 8");
-    assert!(
-        matches!(inverted, GmshError::Inverted { element: 104, volume } if (volume + 1.0 / 6.0).abs() < 1e-12)
-    );
-    assert!(inverted.to_string().starts_with("tetrahedron 104 (Gmsh element tag) is inverted"));
     let flat = damage_v4("104 1 7 5 8", "104 1 2 3 4");
-    assert_eq!(flat, GmshError::ZeroVolume { element: 104, volume: 0.0 });
-    let orphan = damage_v2("$Nodes\n8\n", "$Nodes\n9\n4711 5 5 5\n");
-    assert_eq!(orphan, GmshError::OrphanNode(4711));
-    assert!(orphan.to_string().contains("4711"));
-    let extra = damage_v2("$Nodes\n8\n", "$Nodes\n9\n9 0.4 0.6 -1\n");
-    assert_eq!(extra, GmshError::OrphanNode(9));
+    let centre = DVec3::new(0.5, 0.5, 0.0);
+    assert_eq!(flat, GmshError::Flat { at: At::Line(56), element: 104, centre });
+    let says = "line 56: tetrahedron 104 has no volume; remesh around [0.5, 0.5, 0.0]";
+    assert!(flat.to_string().starts_with(says), "{flat}");
     // A seventh tetrahedron behind an inner face.
     let text = ascii_v4(NAMES, dense)
         .replace("$Nodes\n2 8 1 8", "$Nodes\n3 9 1 9\n3 2 0 1\n9\n0.5 0.1 0.2")
@@ -241,7 +230,7 @@ fn errors_of_groups_are_told() {
     assert_eq!(file.tets_of("E1").unwrap(), [0, 1, 2]);
     let empty = file.nodes_of("none").unwrap_err();
     assert!(matches!(&empty, GmshError::EmptyGroup(group) if group.tag == 13));
-    assert_eq!(empty.to_string(), "physical surface 13 \"none\" has no elements");
+    assert!(empty.to_string().starts_with("physical surface 13 \"none\" has no elements"));
     assert!(matches!(file.triangles_of(13), Err(GmshError::EmptyGroup(_))));
     let missing = file.nodes_of("E2").unwrap_err();
     assert!(matches!(&missing, GmshError::NoSuchGroup { known, .. } if known.len() == 4));

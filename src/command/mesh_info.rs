@@ -6,7 +6,7 @@ use super::text::table;
 use capsense::core::mesh::MeshQuality;
 use capsense::core::units::LengthUnit;
 use capsense::gmsh::{self, GmshError, GmshFile};
-use capsense::scene::surface_warnings;
+use capsense::scene::mesh_warnings;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +55,7 @@ fn describe(file: &Path, bytes: &[u8], unit: LengthUnit) -> Result<String, GmshE
     text += &histogram(&quality.min_dihedral_histogram);
     text += "\nPhysical groups:\n";
     text += &groups(&gmsh)?;
-    for warning in surface_warnings(&gmsh)? {
+    for warning in mesh_warnings(&gmsh)? {
         text += &format!("\nwarning: {warning}\n");
     }
     Ok(text)

@@ -1,67 +1,13 @@
 //! Collects what the readers of both versions find, resolves node tags, and gathers the labels of elements.
 
 use super::cursor::{Cursor, Encoding};
+use super::element_type::{ElementType, Shape};
 use super::error::GmshError;
-use super::{Element, FormatVersion, GmshFile, PhysicalGroup};
+use super::repair::Parts;
+use super::{Defects, Element, FormatVersion, GmshFile, PhysicalGroup};
 use capsense_core::mesh::MeshError;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-
-/// The element types that may appear in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
-    Point,
-    Line,
-    Triangle,
-    Tet,
-}
-
-impl Shape {
-    /// The shape of a Gmsh element type, if it is one of first order and made of triangles.
-    pub(super) fn of_type(number: i64) -> Option<Self> {
-        match number {
-            15 => Some(Self::Point),
-            1 => Some(Self::Line),
-            2 => Some(Self::Triangle),
-            4 => Some(Self::Tet),
-            _ => None,
-        }
-    }
-
-    pub(super) fn dimension(self) -> u8 {
-        self.node_count() as u8 - 1
-    }
-
-    pub(super) fn node_count(self) -> usize {
-        match self {
-            Self::Point => 1,
-            Self::Line => 2,
-            Self::Triangle => 3,
-            Self::Tet => 4,
-        }
-    }
-}
-
-/// Name of an element type that is refused (numbers from Gmsh's `GmshDefines.h`).
-pub(super) fn type_name(number: i64) -> &'static str {
-    match number {
-        3 => "quadrangle",
-        5 => "hexahedron",
-        6 => "prism",
-        7 => "pyramid",
-        8 => "second-order line",
-        9 => "second-order triangle",
-        10 | 16 => "second-order quadrangle",
-        11 => "second-order tetrahedron",
-        12 | 17 => "second-order hexahedron",
-        13 | 18 => "second-order prism",
-        14 | 19 => "second-order pyramid",
-        20..=25 => "triangle of higher order",
-        26..=28 => "line of higher order",
-        29..=31 => "tetrahedron of higher order",
-        _ => "shape unknown here",
-    }
-}
 
 /// Distinct lists of physical tags. Number 0 is the empty list: unlabelled.
 pub(super) struct Labels {
@@ -90,6 +36,11 @@ impl Labels {
         number
     }
 
+    /// The tags of a number.
+    pub(super) fn list(&self, number: u32) -> &[i32] {
+        self.lists.get(number as usize).map_or(&[], Vec::as_slice)
+    }
+
     /// Number of the list that holds one tag.
     pub(super) fn number_of_one(&mut self, tag: i32) -> u32 {
         if self.last.0 != tag {
@@ -97,6 +48,16 @@ impl Labels {
         }
         self.last.1
     }
+}
+
+/// An element before its nodes.
+#[derive(Clone, Copy)]
+pub(super) struct ElementHead {
+    /// Where it stands.
+    pub(super) mark: usize,
+    pub(super) tag: u64,
+    pub(super) kind: ElementType,
+    pub(super) label: u32,
 }
 
 /// From a node's tag to its index.
@@ -108,28 +69,33 @@ enum TagMap {
 }
 
 impl TagMap {
-    /// The second node of a tag that is there twice is the error.
-    fn new(tags: &[u64]) -> Result<Self, usize> {
+    /// Of nodes with one tag it leads to the first; also gives each other one behind it.
+    fn new(tags: &[u64]) -> (Self, Vec<[u32; 2]>) {
         let first = tags.iter().copied().min().unwrap_or(0);
         let last = tags.iter().copied().max().unwrap_or(0);
         let span = usize::try_from(last - first).unwrap_or(usize::MAX).saturating_add(1);
+        let mut repeated = Vec::new();
         if span <= tags.len().saturating_mul(4) {
-            let mut table = vec![0; span];
-            for (index, tag) in tags.iter().enumerate() {
+            let mut table: Vec<u32> = vec![0; span];
+            for (tag, index) in tags.iter().zip(0..) {
                 let slot = &mut table[(tag - first) as usize];
-                if *slot != 0 {
-                    return Err(index);
+                match slot.checked_sub(1) {
+                    Some(before) => repeated.push([before, index]),
+                    None => *slot = index + 1,
                 }
-                *slot = index as u32 + 1;
             }
-            return Ok(Self::Dense { first, table });
+            return (Self::Dense { first, table }, repeated);
         }
-        let mut sorted: Vec<_> = tags.iter().enumerate().map(|(index, &tag)| (tag, index as u32)).collect();
+        let mut sorted: Vec<(u64, u32)> = tags.iter().copied().zip(0..).collect();
         sorted.sort_unstable();
-        match sorted.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            Some(pair) => Err(pair[1].1 as usize),
-            None => Ok(Self::Sorted(sorted)),
-        }
+        sorted.dedup_by(|later, before| {
+            let is_repeated = later.0 == before.0;
+            if is_repeated {
+                repeated.push([before.1, later.1]);
+            }
+            is_repeated
+        });
+        (Self::Sorted(sorted), repeated)
     }
 
     fn get(&self, tag: u64) -> Option<u32> {
@@ -156,6 +122,11 @@ pub(super) struct Builder {
     lookup: Option<TagMap>,
     triangles: Vec<Element<3>>,
     tets: Vec<Element<4>>,
+    /// Where each tetrahedron stands.
+    tet_marks: Vec<usize>,
+    /// Whether a node lies between corners; empty before the first element of higher order.
+    is_between: Vec<bool>,
+    pub(super) defects: Defects,
     pub(super) labels: Labels,
     groups: BTreeMap<(u8, i32), Option<String>>,
     pub(super) has_nodes: bool,
@@ -171,6 +142,9 @@ impl Builder {
             lookup: None,
             triangles: Vec::new(),
             tets: Vec::new(),
+            tet_marks: Vec::new(),
+            is_between: Vec::new(),
+            defects: Defects::default(),
             labels: Labels::new(),
             groups: BTreeMap::new(),
             has_nodes: false,
@@ -214,40 +188,64 @@ impl Builder {
         if u32::try_from(self.nodes.len()).is_err() {
             return Err(MeshError::TooManyNodes(self.nodes.len()).into());
         }
-        let map = TagMap::new(&self.node_tags).map_err(|index| GmshError::DuplicateNode {
-            at: cursor.at(self.node_marks[index]),
-            node: self.node_tags[index],
-        })?;
+        let (map, repeated) = TagMap::new(&self.node_tags);
+        // What is said twice alike is no contradiction; both are in one place, where nodes are joined later.
+        for [first, again] in repeated.into_iter().map(|pair| pair.map(|index| index as usize)) {
+            if self.nodes[first] != self.nodes[again] {
+                return Err(GmshError::DuplicateNode {
+                    at: cursor.at(self.node_marks[again]),
+                    node: self.node_tags[again],
+                });
+            }
+        }
         self.lookup = Some(map);
         Ok(())
     }
 
-    /// Takes an element; points and lines are of no use here.
-    pub(super) fn add_element(
+    fn find(&self, cursor: &Cursor<'_>, head: ElementHead, node: u64) -> Result<u32, GmshError> {
+        self.lookup.as_ref().and_then(|map| map.get(node)).ok_or_else(|| GmshError::UnknownNode {
+            at: cursor.at(head.mark),
+            element: head.tag,
+            node,
+        })
+    }
+
+    /// Reads the nodes of an element and takes it; points and lines are of no use here.
+    pub(super) fn read_element<'a>(
         &mut self,
-        cursor: &Cursor<'_>,
-        mark: usize,
-        tag: u64,
-        shape: Shape,
-        nodes: [u64; 4],
-        label: u32,
+        cursor: &mut Cursor<'a>,
+        head: ElementHead,
+        read: fn(&mut Cursor<'a>, &'static str) -> Result<u64, GmshError>,
     ) -> Result<(), GmshError> {
-        if matches!(shape, Shape::Point | Shape::Line) {
+        let ElementHead { mark, tag, kind, label } = head;
+        let is_taken = matches!(kind.shape, Shape::Triangle | Shape::Tet);
+        let mut corners = [0; 4];
+        for at in 0..kind.nodes {
+            let node = read(cursor, "a node of an element")?;
+            if !is_taken {
+                continue;
+            }
+            let index = self.find(cursor, head, node)?;
+            match corners[..kind.shape.corners()].get_mut(at) {
+                Some(corner) => *corner = index,
+                None => {
+                    self.is_between.resize(self.nodes.len(), false);
+                    self.is_between[index as usize] = true;
+                }
+            }
+        }
+        if !is_taken {
             return Ok(());
         }
-        let mut found = [0; 4];
-        for (index, &node) in found.iter_mut().zip(&nodes[..shape.node_count()]) {
-            *index = self
-                .lookup
-                .as_ref()
-                .and_then(|map| map.get(node))
-                .ok_or_else(|| GmshError::UnknownNode { at: cursor.at(mark), element: tag, node })?;
+        if kind.is_of_higher_order() {
+            self.defects.higher_order.add(tag);
         }
-        let [a, b, c, _] = found;
-        if shape == Shape::Triangle {
+        let [a, b, c, _] = corners;
+        if kind.shape == Shape::Triangle {
             self.triangles.push(Element { tag, nodes: [a, b, c], label });
         } else {
-            self.tets.push(Element { tag, nodes: found, label });
+            self.tets.push(Element { tag, nodes: corners, label });
+            self.tet_marks.push(mark);
         }
         Ok(())
     }
@@ -265,76 +263,21 @@ impl Builder {
             return Err(GmshError::MissingSection("Elements"));
         }
         self.index_nodes(cursor)?;
-        let Self { nodes, node_tags, mut triangles, mut tets, mut labels, groups, .. } = self;
-        merge(&mut triangles, &mut labels, Repeats::Merged)?;
-        let repeats = match version {
-            FormatVersion::V2_2 => Repeats::OfOtherGroups,
-            FormatVersion::V4_1 => Repeats::Refused,
+        let mut parts = Parts {
+            nodes: self.nodes,
+            node_tags: self.node_tags,
+            is_between: self.is_between,
+            triangles: self.triangles,
+            tets: self.tets,
+            tet_marks: self.tet_marks,
+            labels: self.labels,
+            defects: self.defects,
         };
-        merge(&mut tets, &mut labels, repeats)?;
-        let groups = groups
-            .into_iter()
-            .map(|((dimension, tag), name)| PhysicalGroup { dimension, tag, name })
-            .collect();
-        Ok(GmshFile { version, encoding, nodes, node_tags, triangles, tets, groups, labels: labels.lists })
+        parts.mend(cursor, version)?;
+        let group = |((dimension, tag), name)| PhysicalGroup { dimension, tag, name };
+        let groups = self.groups.into_iter().map(group).collect();
+        let Parts { nodes, node_tags, triangles, tets, labels, defects, .. } = parts;
+        let labels = labels.lists;
+        Ok(GmshFile { version, encoding, nodes, node_tags, triangles, tets, groups, defects, labels })
     }
-}
-
-/// What becomes of elements with the same nodes.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Repeats {
-    /// They become one.
-    Merged,
-    /// They become one if each is in another group and none is turned over: format 2.2 has room for one group only,
-    /// so Gmsh writes an element of two groups twice.
-    OfOtherGroups,
-    /// They are a defect.
-    Refused,
-}
-
-/// Makes one element in the groups of all out of those with the same nodes, where that is allowed. The others keep
-/// their order.
-fn merge<const N: usize>(
-    elements: &mut Vec<Element<N>>,
-    labels: &mut Labels,
-    repeats: Repeats,
-) -> Result<(), GmshError> {
-    let mut order: Vec<([u32; N], usize)> = elements
-        .iter()
-        .enumerate()
-        .map(|(index, element)| {
-            let mut key = element.nodes;
-            key.sort_unstable();
-            (key, index)
-        })
-        .collect();
-    order.sort_unstable();
-    let mut dropped = vec![false; elements.len()];
-    for same in order.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
-        let first = elements[same[0].1];
-        let mut groups: BTreeSet<i32> = labels.lists[first.label as usize].iter().copied().collect();
-        let is_labelled = !groups.is_empty();
-        for &(_, index) in &same[1..] {
-            let other = elements[index];
-            let list = &labels.lists[other.label as usize];
-            let is_elsewhere = is_labelled
-                && !list.is_empty()
-                && first.nodes == other.nodes
-                && !list.iter().any(|group| groups.contains(group));
-            let is_allowed = match repeats {
-                Repeats::Merged => true,
-                Repeats::OfOtherGroups => is_elsewhere,
-                Repeats::Refused => false,
-            };
-            if !is_allowed {
-                return Err(GmshError::DuplicateTet(first.tag, other.tag));
-            }
-            groups.extend(list);
-            dropped[index] = true;
-        }
-        elements[same[0].1].label = labels.number(groups);
-    }
-    let mut dropped = dropped.into_iter();
-    elements.retain(|_| !dropped.next().unwrap_or(false));
-    Ok(())
 }

@@ -6,6 +6,9 @@
 use super::error::{At, GmshError};
 use glam::DVec3;
 
+/// No length in a mesh is larger in any unit.
+const LARGEST: f64 = 1e12;
+
 /// How the numbers of a file are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
@@ -35,7 +38,9 @@ pub(super) struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, position: 0, encoding: Encoding::Ascii, size_bytes: 8 }
+        // Editors put a mark for UTF-8 at the beginning of a text.
+        let position = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        Self { bytes, position, encoding: Encoding::Ascii, size_bytes: 8 }
     }
 
     /// Where the next number begins.
@@ -207,14 +212,18 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Three doubles, finite.
+    /// Three doubles, finite and of a size that lengths have in any unit.
     pub(super) fn point(&mut self, node: u64) -> Result<DVec3, GmshError> {
         let mark = self.mark();
         let mut point = DVec3::ZERO;
         for axis in 0..3 {
             point[axis] = self.real("a coordinate of a node")?;
         }
-        if point.is_finite() { Ok(point) } else { Err(GmshError::NonFinite { at: self.at(mark), node }) }
+        if point.abs().max_element() <= LARGEST && point.is_finite() {
+            Ok(point)
+        } else {
+            Err(GmshError::NonFinite { at: self.at(mark), node })
+        }
     }
 
     /// Checks that so many records fit into the rest of the file, so that memory may be reserved for them.

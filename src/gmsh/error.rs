@@ -2,6 +2,7 @@
 
 use super::{GroupKey, PhysicalGroup};
 use capsense_core::mesh::MeshError;
+use glam::DVec3;
 use std::fmt;
 
 /// A place in a file: a line of a text file, a byte of a binary one.
@@ -26,7 +27,7 @@ impl fmt::Display for At {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GmshError {
     /// The first section is not `$MeshFormat`: another kind of file, or the format 1 of before 2005.
-    #[error("not a Gmsh file: it does not begin with $MeshFormat")]
+    #[error("not a Gmsh file of format 2.2 or 4.1: it does not begin with $MeshFormat")]
     NotGmsh,
     /// A version of the format other than 2.2 and 4.1.
     #[error("{at}: Gmsh format {version} is not supported; save the mesh in format 2.2 or 4.1")]
@@ -51,7 +52,7 @@ pub enum GmshError {
         at: At,
     },
     /// The file stops inside a section.
-    #[error("{at}: the file ends where {expected} should be")]
+    #[error("{at}: the file ends where {expected} should be: it is cut off")]
     UnexpectedEnd {
         /// Its end.
         at: At,
@@ -99,7 +100,7 @@ pub enum GmshError {
         found: u64,
     },
     /// A section without which there is no mesh.
-    #[error("the file has no section ${0}")]
+    #[error("the file has no section ${0}; is it cut off?")]
     MissingSection(&'static str),
     /// A section that must come earlier.
     #[error("{at}: section ${section} must stand {rule}")]
@@ -111,12 +112,6 @@ pub enum GmshError {
         /// Where it belongs.
         rule: &'static str,
     },
-    /// A mesh cut into partitions.
-    #[error("{at}: the mesh is partitioned; save it unpartitioned")]
-    Partitioned {
-        /// Where `$PartitionedEntities` begins.
-        at: At,
-    },
     /// Two names for one physical group.
     #[error("{at}: physical group {tag} of dimension {dimension} is named twice")]
     NamedTwice {
@@ -127,8 +122,8 @@ pub enum GmshError {
         /// Number of the group.
         tag: i32,
     },
-    /// A coordinate that is NaN or infinite.
-    #[error("{at}: node {node} has a coordinate that is not finite")]
+    /// A coordinate that is NaN, infinite, or absurdly large.
+    #[error("{at}: node {node} has a coordinate that is not finite or larger than 1e12")]
     NonFinite {
         /// Where its coordinates begin.
         at: At,
@@ -136,7 +131,7 @@ pub enum GmshError {
         node: u64,
     },
     /// Two nodes with one tag.
-    #[error("{at}: node {node} is defined twice")]
+    #[error("{at}: node {node} is defined twice, in different places")]
     DuplicateNode {
         /// Where the second one stands.
         at: At,
@@ -153,10 +148,10 @@ pub enum GmshError {
         /// Tag of the missing node.
         node: u64,
     },
-    /// An element that is no point, line, triangle or tetrahedron of first order.
+    /// An element that is no point, line, triangle or tetrahedron.
     #[error(
         "{at}: element {element} is a {name} (Gmsh element type {number}); \
-         only first-order triangles and tetrahedra are supported"
+         only triangles and tetrahedra are supported: mesh without recombination and extruded layers"
     )]
     ElementType {
         /// Where the element stands.
@@ -168,34 +163,32 @@ pub enum GmshError {
         /// What that type is.
         name: &'static str,
     },
-    /// Two tetrahedra with the same four nodes.
-    #[error("tetrahedra {0} and {1} (Gmsh element tags) have the same four nodes")]
-    DuplicateTet(u64, u64),
     /// Three tetrahedra that meet in one face.
-    #[error("tetrahedra {}, {} and {} (Gmsh element tags) share one face", .0[0], .0[1], .0[2])]
+    #[error(
+        "tetrahedra {}, {} and {} (Gmsh element tags) share one face, so two of them overlap; \
+         make one volume of those that overlap (in Gmsh: Coherence or BooleanFragments)",
+        .0[0], .0[1], .0[2]
+    )]
     SharedFace([u64; 3]),
     /// There is nothing to solve on.
-    #[error("the file has no tetrahedra")]
+    #[error(
+        "the file has no tetrahedra; mesh the volume, and if there are physical groups, put it into one: \
+         Gmsh saves nothing else"
+    )]
     NoTets,
-    /// The four nodes of an element are in the wrong order.
-    #[error("tetrahedron {element} (Gmsh element tag) is inverted (signed volume {volume:e} m³)")]
-    Inverted {
-        /// Tag of the element.
-        element: u64,
-        /// Signed volume in cubic metres.
-        volume: f64,
-    },
     /// The four nodes of an element lie in one plane.
-    #[error("tetrahedron {element} (Gmsh element tag) has no volume ({volume:e} m³)")]
-    ZeroVolume {
+    #[error(
+        "{at}: tetrahedron {element} has no volume; remesh around {:?} (in the unit of the file), \
+         in Gmsh with Mesh.Optimize", .centre.to_array()
+    )]
+    Flat {
+        /// Where it stands.
+        at: At,
         /// Tag of the element.
         element: u64,
-        /// Signed volume in cubic metres.
-        volume: f64,
+        /// Its centre in the unit of the file.
+        centre: DVec3,
     },
-    /// A node that no tetrahedron uses.
-    #[error("node {0} (Gmsh node tag) is an orphan: no tetrahedron uses it")]
-    OrphanNode(u64),
     /// Any other defect of the mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -213,7 +206,7 @@ pub enum GmshError {
     #[error("physical group {0} is ambiguous: several surfaces or volumes have that name or number")]
     AmbiguousGroup(GroupKey),
     /// A physical group without triangles or tetrahedra.
-    #[error("{0} has no elements")]
+    #[error("{0} has no elements with nodes in tetrahedra; is it part of the mesh of the volume?")]
     EmptyGroup(PhysicalGroup),
 }
 

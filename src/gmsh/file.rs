@@ -1,7 +1,7 @@
 //! What a Gmsh file holds: nodes, triangles, tetrahedra and physical groups, and what the simulator asks of them.
 
 use super::error::{GmshError, kind};
-use super::{Encoding, faces};
+use super::{Defects, Encoding, faces};
 use capsense_core::mesh::{MeshError, TetMesh};
 use capsense_core::units::LengthUnit;
 use glam::DVec3;
@@ -30,7 +30,7 @@ impl fmt::Display for FormatVersion {
 pub struct Element<const N: usize> {
     /// Its number in the file.
     pub tag: u64,
-    /// Indices into [`GmshFile::nodes`], in the order of the file.
+    /// Indices into [`GmshFile::nodes`], in the order of the file; of inverted tetrahedra the last two are swapped.
     pub nodes: [u32; N],
     pub(super) label: u32,
 }
@@ -93,12 +93,15 @@ pub struct SurfaceSummary {
     pub boundary_faces: usize,
     /// Those of them that are no triangle of a physical group.
     pub unlabelled_boundary_faces: usize,
+    /// Those of these whose nodes all are nodes of one physical surface.
+    pub enclosed_boundary_faces: usize,
     /// Tags of triangles in a physical group that are no face of any tetrahedron: a defect of the mesh.
     pub detached_triangles: Vec<u64>,
 }
 
-/// A Gmsh file. Nodes and tetrahedra keep the order of the file, and [`GmshFile::to_tet_mesh`] keeps it too: an
-/// index here is an index there, and `node_tags` and [`Element::tag`] lead back to the numbers in the file.
+/// A Gmsh file, mended where it was defective. Nodes and tetrahedra keep the order of the file, and
+/// [`GmshFile::to_tet_mesh`] keeps it too: an index here is an index there, and `node_tags` and [`Element::tag`] lead
+/// back to the numbers in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GmshFile {
     /// Version of the format.
@@ -115,6 +118,8 @@ pub struct GmshFile {
     pub tets: Vec<Element<4>>,
     /// Physical groups of every dimension, by dimension and number.
     pub groups: Vec<PhysicalGroup>,
+    /// What was mended.
+    pub defects: Defects,
     /// The lists of physical tags that [`Element::label`] numbers.
     pub(super) labels: Vec<Vec<i32>>,
 }
@@ -230,21 +235,41 @@ impl GmshFile {
             .map(|triangle| (faces::key(triangle.nodes), triangle.tag))
             .collect();
         labelled.sort_unstable();
+        let groups = self.surfaces_at_nodes();
         let mut summary = SurfaceSummary::default();
-        for same in faces::groups(&all) {
-            if same.len() == 1 {
-                summary.boundary_faces += 1;
-                let is_labelled = labelled.binary_search_by_key(&same[0].key, |entry| entry.0).is_ok();
-                summary.unlabelled_boundary_faces += usize::from(!is_labelled);
+        for same in faces::groups(&all).filter(|same| same.len() == 1) {
+            let [a, b, c] = same[0].key.map(|node| &groups[node as usize]);
+            summary.boundary_faces += 1;
+            if labelled.binary_search_by_key(&same[0].key, |entry| entry.0).is_err() {
+                summary.unlabelled_boundary_faces += 1;
+                let is_enclosed = a.iter().any(|group| b.contains(group) && c.contains(group));
+                summary.enclosed_boundary_faces += usize::from(is_enclosed);
             }
         }
-        summary.detached_triangles = labelled
+        let detached = labelled
             .iter()
             .filter(|(key, _)| all.binary_search_by_key(key, |face| face.key).is_err())
-            .map(|&(_, tag)| tag)
-            .collect();
+            .map(|&(_, tag)| tag);
+        summary.detached_triangles =
+            self.defects.detached_triangles.iter().copied().chain(detached).collect();
         summary.detached_triangles.sort_unstable();
         Ok(summary)
+    }
+
+    /// The physical surfaces that each node is on.
+    fn surfaces_at_nodes(&self) -> Vec<Vec<i32>> {
+        let mut groups = vec![Vec::new(); self.nodes.len()];
+        for triangle in &self.triangles {
+            for &group in self.groups_of(triangle) {
+                for node in triangle.nodes {
+                    let of_node: &mut Vec<i32> = &mut groups[node as usize];
+                    if !of_node.contains(&group) {
+                        of_node.push(group);
+                    }
+                }
+            }
+        }
+        groups
     }
 
     /// All faces in order, of which no more than two are the same.
@@ -261,33 +286,18 @@ impl GmshFile {
         self.tets.get(index).map_or(0, |tet| tet.tag)
     }
 
-    /// The mesh in metres; node and tetrahedron indices stay what they are here. Nothing is mended: an inverted
-    /// tetrahedron or a node without any is an error.
+    /// The mesh in metres; node and tetrahedron indices stay what they are here.
     ///
     /// # Errors
-    /// When there are no tetrahedra, one is inverted or flat, more than two share a face, or a node is in none.
+    /// When there are no tetrahedra, or more than two share a face.
     pub fn to_tet_mesh(&self, unit: LengthUnit) -> Result<TetMesh, GmshError> {
         let nodes = self.nodes.iter().map(|&node| node * unit.metres()).collect();
         let tets = self.tets.iter().map(|tet| tet.nodes).collect();
-        let mesh = TetMesh::new(nodes, tets).map_err(|error| self.with_tags(error))?;
+        let mesh = TetMesh::new(nodes, tets).map_err(|error| match error {
+            MeshError::Empty => GmshError::NoTets,
+            other => GmshError::Mesh(other),
+        })?;
         self.faces()?;
         Ok(mesh)
-    }
-
-    /// Names nodes and elements by their numbers in the file.
-    fn with_tags(&self, error: MeshError) -> GmshError {
-        match error {
-            MeshError::Empty => GmshError::NoTets,
-            MeshError::Inverted { element, volume } => {
-                GmshError::Inverted { element: self.tet_tag(element), volume }
-            }
-            MeshError::ZeroVolume { element, volume } => {
-                GmshError::ZeroVolume { element: self.tet_tag(element), volume }
-            }
-            MeshError::OrphanNode(node) => {
-                GmshError::OrphanNode(self.node_tags.get(node).copied().unwrap_or(0))
-            }
-            other => GmshError::Mesh(other),
-        }
     }
 }

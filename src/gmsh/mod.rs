@@ -6,14 +6,18 @@
 
 mod build;
 mod cursor;
+mod defects;
+mod element_type;
 mod error;
 mod faces;
 mod file;
+mod repair;
 mod v2;
 mod v4;
 mod write;
 
 pub use cursor::Encoding;
+pub use defects::{Defects, Found};
 pub use error::{At, GmshError};
 pub use faces::{boundary_faces, faces_among};
 pub use file::{Element, FormatVersion, GmshFile, GroupKey, PhysicalGroup, SurfaceSummary};
@@ -26,7 +30,8 @@ use cursor::{Cursor, Record};
 ///
 /// # Errors
 /// When the bytes are not a Gmsh file of format 2.2 or 4.1, are cut off or contradict themselves, or hold elements
-/// that are no first-order points, lines, triangles or tetrahedra. Nothing is read past an error.
+/// that are no points, lines, triangles or tetrahedra, or have no volume. Nothing is read past an error. Lesser defects are
+/// mended and counted ([`Defects`]).
 pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
     let cursor = &mut Cursor::new(bytes);
     let mut builder = Builder::new();
@@ -46,23 +51,20 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
                 physical_names(cursor, &mut builder)?;
                 close(cursor, "$EndPhysicalNames")?;
             }
-            ("Entities", FormatVersion::V4_1) => {
-                if builder.has_elements {
-                    let rule = "before $Elements";
-                    return Err(GmshError::Order { at: cursor.at(mark), section: "Entities", rule });
-                }
-                cursor.start_data()?;
-                v4::entities(cursor, &mut builder, &mut entities)?;
-                close(cursor, "$EndEntities")?;
+            ("Entities" | "PartitionedEntities", FormatVersion::V4_1) => {
+                let is_partitioned = name == "PartitionedEntities";
+                entities_section(cursor, &mut builder, &mut entities, (mark, is_partitioned))?;
+            }
+            ("ParametricNodes", FormatVersion::V2_2) => {
+                builder.has_nodes = true;
+                v2::nodes(cursor, &mut builder, true)?;
+                close(cursor, "$EndParametricNodes")?;
             }
             ("Nodes", _) => {
                 builder.has_nodes = true;
                 match version {
-                    FormatVersion::V2_2 => v2::nodes(cursor, &mut builder)?,
-                    FormatVersion::V4_1 => {
-                        cursor.start_data()?;
-                        v4::nodes(cursor, &mut builder)?;
-                    }
+                    FormatVersion::V2_2 => v2::nodes(cursor, &mut builder, false)?,
+                    FormatVersion::V4_1 => v4::nodes(cursor, &mut builder)?,
                 }
                 close(cursor, "$EndNodes")?;
             }
@@ -75,15 +77,9 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
                 builder.index_nodes(cursor)?;
                 match version {
                     FormatVersion::V2_2 => v2::elements(cursor, &mut builder)?,
-                    FormatVersion::V4_1 => {
-                        cursor.start_data()?;
-                        v4::elements(cursor, &mut builder, &entities)?;
-                    }
+                    FormatVersion::V4_1 => v4::elements(cursor, &mut builder, &entities)?,
                 }
                 close(cursor, "$EndElements")?;
-            }
-            ("PartitionedEntities", _) => {
-                return Err(GmshError::Partitioned { at: cursor.at(mark) });
             }
             ("MeshFormat", _) => {
                 return Err(cursor.unexpected(mark, "one section $MeshFormat", "$MeshFormat"));
@@ -92,6 +88,27 @@ pub fn parse(bytes: &[u8]) -> Result<GmshFile, GmshError> {
         }
     }
     builder.finish(cursor, version, encoding)
+}
+
+/// The section that begins at the mark: `$Entities`, or `$PartitionedEntities`.
+fn entities_section(
+    cursor: &mut Cursor<'_>,
+    builder: &mut Builder,
+    entities: &mut v4::Entities,
+    (mark, is_partitioned): (usize, bool),
+) -> Result<(), GmshError> {
+    let section = if is_partitioned { "PartitionedEntities" } else { "Entities" };
+    if builder.has_elements {
+        return Err(GmshError::Order { at: cursor.at(mark), section, rule: "before $Elements" });
+    }
+    cursor.start_data()?;
+    if is_partitioned {
+        v4::partitioned_entities(cursor, builder, entities)?;
+        close(cursor, "$EndPartitionedEntities")
+    } else {
+        v4::entities(cursor, builder, entities)?;
+        close(cursor, "$EndEntities")
+    }
 }
 
 /// The beginning and the name of the next section.

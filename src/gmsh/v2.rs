@@ -2,12 +2,19 @@
 //!
 //! Their counts are text even in binary files, and binary elements come in blocks of one type.
 
-use super::build::{Builder, Shape, type_name};
+use super::build::{Builder, ElementHead};
 use super::cursor::{Cursor, Encoding, Record};
+use super::element_type::{ElementType, type_name};
 use super::error::GmshError;
 
-/// number-of-nodes, then for each node: tag x y z.
-pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
+/// number-of-nodes, then for each node: tag x y z. In `$ParametricNodes`, which takes the place of `$Nodes` where Gmsh's
+/// `Mesh.SaveParametric` is set, there follow the dimension and the tag of an entity, and on a curve one parameter, on a
+/// surface two.
+pub(super) fn nodes(
+    cursor: &mut Cursor<'_>,
+    builder: &mut Builder,
+    are_parametric: bool,
+) -> Result<(), GmshError> {
     let mark = cursor.text_mark();
     let claimed = cursor.text_size("the number of nodes")?;
     cursor.start_data()?;
@@ -17,7 +24,26 @@ pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<()
         let mark = cursor.mark();
         let tag = cursor.natural("the tag of a node")?;
         let position = cursor.point(tag)?;
+        if are_parametric {
+            skip_parameters(cursor)?;
+        }
         builder.add_node(tag, position, mark);
+    }
+    Ok(())
+}
+
+fn skip_parameters(cursor: &mut Cursor<'_>) -> Result<(), GmshError> {
+    const EXPECTED: &str = "the dimension (0 to 3) of an entity";
+    let mark = cursor.mark();
+    let parameters = match cursor.int(EXPECTED)? {
+        0 | 3 => 0,
+        1 => 1,
+        2 => 2,
+        other => return Err(cursor.unexpected(mark, EXPECTED, other)),
+    };
+    cursor.int("the tag of an entity")?;
+    for _ in 0..parameters {
+        cursor.real("a parameter of a node")?;
     }
     Ok(())
 }
@@ -35,8 +61,8 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result
             let tag = cursor.natural("the tag of an element")?;
             let number = cursor.int("the type of an element")?;
             let tag_count = cursor.natural("the number of tags of an element")?;
-            let shape = shape(cursor, mark, tag, number)?;
-            element(cursor, builder, mark, tag, shape, tag_count)?;
+            let kind = kind(cursor, mark, tag, number)?;
+            element(cursor, builder, mark, tag, kind, tag_count)?;
         }
         return Ok(());
     }
@@ -54,16 +80,16 @@ pub(super) fn elements(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result
         for _ in 0..count {
             let mark = cursor.mark();
             let tag = cursor.natural("the tag of an element")?;
-            let shape = shape(cursor, mark, tag, number)?;
-            element(cursor, builder, mark, tag, shape, tag_count)?;
+            let kind = kind(cursor, mark, tag, number)?;
+            element(cursor, builder, mark, tag, kind, tag_count)?;
         }
     }
     Ok(())
 }
 
-fn shape(cursor: &Cursor<'_>, mark: usize, tag: u64, number: i32) -> Result<Shape, GmshError> {
+fn kind(cursor: &Cursor<'_>, mark: usize, tag: u64, number: i32) -> Result<ElementType, GmshError> {
     let number = i64::from(number);
-    Shape::of_type(number).ok_or_else(|| GmshError::ElementType {
+    ElementType::of(number).ok_or_else(|| GmshError::ElementType {
         at: cursor.at(mark),
         element: tag,
         number,
@@ -77,7 +103,7 @@ fn element(
     builder: &mut Builder,
     mark: usize,
     tag: u64,
-    shape: Shape,
+    kind: ElementType,
     tag_count: u64,
 ) -> Result<(), GmshError> {
     cursor.check_count(tag_count, "tags of an element", mark, Record { ints: 1, ..Record::default() })?;
@@ -88,11 +114,7 @@ fn element(
             physical = value;
         }
     }
-    let mut nodes = [0; 4];
-    for node in &mut nodes[..shape.node_count()] {
-        *node = cursor.natural("a node of an element")?;
-    }
-    builder.use_group(shape.dimension(), physical);
+    builder.use_group(kind.shape.dimension(), physical);
     let label = builder.labels.number_of_one(physical);
-    builder.add_element(cursor, mark, tag, shape, nodes, label)
+    builder.read_element(cursor, ElementHead { mark, tag, kind, label }, Cursor::natural)
 }

@@ -2,8 +2,9 @@
 //!
 //! Elements name the entity they discretise; the physical groups stand at the entities.
 
-use super::build::{Builder, Shape, type_name};
+use super::build::{Builder, ElementHead};
 use super::cursor::{Cursor, Record};
+use super::element_type::{ElementType, type_name};
 use super::error::GmshError;
 use std::collections::HashMap;
 
@@ -17,29 +18,85 @@ pub(super) fn entities(
     builder: &mut Builder,
     entities: &mut Entities,
 ) -> Result<(), GmshError> {
+    for_entities(cursor, |cursor, dimension| {
+        let tag = cursor.int("the tag of an entity")?;
+        let groups = extent_and_groups(cursor, dimension)?;
+        for &group in &groups {
+            builder.use_group(dimension, group);
+        }
+        entities.insert((dimension, tag), builder.labels.number(groups));
+        Ok(())
+    })
+}
+
+/// The numbers of partitions and of ghost entities, and for each ghost entity its tag and its partition; then the same
+/// as in `$Entities`, but that behind each tag there are the dimension and the tag of the entity of which it is a part,
+/// and a list of partitions. Parts are in the groups of what they are parts of.
+pub(super) fn partitioned_entities(
+    cursor: &mut Cursor<'_>,
+    builder: &mut Builder,
+    entities: &mut Entities,
+) -> Result<(), GmshError> {
+    builder.defects.partitions = cursor.size("the number of partitions")?;
+    let mark = cursor.mark();
+    let ghosts = cursor.size("the number of ghost entities")?;
+    cursor.check_count(ghosts, "ghost entities", mark, Record { ints: 2, ..Record::default() })?;
+    for _ in 0..ghosts {
+        cursor.int("the tag of a ghost entity")?;
+        cursor.int("the partition of a ghost entity")?;
+    }
+    for_entities(cursor, |cursor, dimension| {
+        let tag = cursor.int("the tag of an entity")?;
+        let parent = (cursor.int("the dimension of a parent")?, cursor.int("the tag of a parent")?);
+        list(cursor, "partitions of an entity")?;
+        let mut groups = extent_and_groups(cursor, dimension)?;
+        if parent.0 == i32::from(dimension)
+            && let Some(&label) = entities.get(&(dimension, parent.1))
+        {
+            groups.extend(builder.labels.list(label));
+        }
+        for &group in &groups {
+            builder.use_group(dimension, group);
+        }
+        entities.insert((dimension, tag), builder.labels.number(groups));
+        Ok(())
+    })
+}
+
+/// Reads the numbers of points, curves, surfaces and volumes, and then each of them with its dimension.
+fn for_entities<'a>(
+    cursor: &mut Cursor<'a>,
+    mut read: impl FnMut(&mut Cursor<'a>, u8) -> Result<(), GmshError>,
+) -> Result<(), GmshError> {
     let mut counts = [(0, 0); 4];
     for count in &mut counts {
         *count = (cursor.mark(), cursor.size("the number of entities")?);
     }
     for (dimension, (mark, claimed)) in (0..=3).zip(counts) {
-        let reals = if dimension == 0 { 3 } else { 6 };
-        cursor.check_count(claimed, "entities", mark, Record { ints: 1, sizes: 1, reals })?;
+        let record = Record { ints: 1, sizes: 1, reals: extents(dimension) };
+        cursor.check_count(claimed, "entities", mark, record)?;
         for _ in 0..claimed {
-            let tag = cursor.int("the tag of an entity")?;
-            for _ in 0..reals {
-                cursor.real("the bounds of an entity")?;
-            }
-            let groups = list(cursor, "physical tags of an entity")?;
-            if dimension > 0 {
-                list(cursor, "bounding entities of an entity")?;
-            }
-            for &group in &groups {
-                builder.use_group(dimension, group);
-            }
-            entities.insert((dimension, tag), builder.labels.number(groups));
+            read(cursor, dimension)?;
         }
     }
     Ok(())
+}
+
+/// How many numbers tell where an entity is.
+fn extents(dimension: u8) -> usize {
+    if dimension == 0 { 3 } else { 6 }
+}
+
+/// Reads over where an entity is and what bounds it, and takes its physical tags.
+fn extent_and_groups(cursor: &mut Cursor<'_>, dimension: u8) -> Result<Vec<i32>, GmshError> {
+    for _ in 0..extents(dimension) {
+        cursor.real("the bounds of an entity")?;
+    }
+    let groups = list(cursor, "physical tags of an entity")?;
+    if dimension > 0 {
+        list(cursor, "bounding entities of an entity")?;
+    }
+    Ok(groups)
 }
 
 fn list(cursor: &mut Cursor<'_>, what: &'static str) -> Result<Vec<i32>, GmshError> {
@@ -94,6 +151,7 @@ fn entity(cursor: &mut Cursor<'_>) -> Result<(u8, i32), GmshError> {
 
 /// Blocks of: entity, whether positions have parameters, number of nodes, all tags, all positions.
 pub(super) fn nodes(cursor: &mut Cursor<'_>, builder: &mut Builder) -> Result<(), GmshError> {
+    cursor.start_data()?;
     let (blocks, mut total) = head(cursor, "nodes")?;
     let mut tags = Vec::new();
     for _ in 0..blocks {
@@ -133,12 +191,13 @@ pub(super) fn elements(
     builder: &mut Builder,
     entities: &Entities,
 ) -> Result<(), GmshError> {
+    cursor.start_data()?;
     let (blocks, mut total) = head(cursor, "elements")?;
     for _ in 0..blocks {
         let (dimension, entity) = entity(cursor)?;
         let type_mark = cursor.mark();
         let number = i64::from(cursor.int("the type of a block of elements")?);
-        if Shape::of_type(number).is_some_and(|shape| shape.dimension() != dimension) {
+        if ElementType::of(number).is_some_and(|kind| kind.shape.dimension() != dimension) {
             let expected = "an element type of the dimension of the entity";
             return Err(cursor.unexpected(type_mark, expected, number));
         }
@@ -150,17 +209,13 @@ pub(super) fn elements(
         for _ in 0..claimed {
             let mark = cursor.mark();
             let tag = cursor.size("the tag of an element")?;
-            let shape = Shape::of_type(number).ok_or_else(|| GmshError::ElementType {
+            let kind = ElementType::of(number).ok_or_else(|| GmshError::ElementType {
                 at: cursor.at(mark),
                 element: tag,
                 number,
                 name: type_name(number),
             })?;
-            let mut nodes = [0; 4];
-            for node in &mut nodes[..shape.node_count()] {
-                *node = cursor.size("a node of an element")?;
-            }
-            builder.add_element(cursor, mark, tag, shape, nodes, label)?;
+            builder.read_element(cursor, ElementHead { mark, tag, kind, label }, Cursor::size)?;
         }
         total.found += claimed;
     }

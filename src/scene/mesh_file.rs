@@ -8,7 +8,7 @@ use super::source::SceneError;
 use crate::gmsh::{self, GmshError, GmshFile, GroupKey};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
-use capsense_core::mesh::TetMesh;
+use capsense_core::mesh::{TetMesh, places};
 use capsense_core::sensor::{ElectrodeNodes, SensorDesign};
 use std::collections::HashSet;
 
@@ -40,7 +40,27 @@ pub(super) fn sensor(
     let electrodes = groups.electrodes(names, domain, file, warnings)?;
     let mesh = groups.with_board(mesh, &mut ground)?;
     groups.warn(file, &ground, &electrodes, warnings).map_err(refused)?;
-    Ok((domain, SceneSensor::Meshed { mesh, ground, electrodes }))
+    Ok((domain, sorted_in_space(&mesh, &ground, electrodes)))
+}
+
+/// The numbers of the file served to find groups; from here on frames get the order in which they are fastest.
+fn sorted_in_space(mesh: &TetMesh, ground: &[u32], electrodes: Vec<(String, ElectrodeNodes)>) -> SceneSensor {
+    let order = mesh.order_in_space();
+    let place = places(&order);
+    let moved = |nodes: &[u32]| -> Vec<u32> {
+        let mut nodes: Vec<u32> = nodes.iter().map(|&node| place[node as usize]).collect();
+        nodes.sort_unstable();
+        nodes
+    };
+    let electrode = |(name, nodes)| match nodes {
+        ElectrodeNodes::Nodes(nodes) => (name, ElectrodeNodes::Nodes(moved(&nodes))),
+        shape @ ElectrodeNodes::Shape(_) => (name, shape),
+    };
+    SceneSensor::Meshed {
+        mesh: mesh.renumbered(&order),
+        ground: moved(ground),
+        electrodes: electrodes.into_iter().map(electrode).collect(),
+    }
 }
 
 fn domain(check: Checker<'_>, raw: &RawScene, mesh: &TetMesh, unit: &str) -> Result<Aabb, SceneError> {
@@ -141,7 +161,31 @@ impl Groups<'_> {
             };
             electrodes.push((name.clone(), nodes));
         }
+        self.check_apart(&electrodes)?;
         Ok(electrodes)
+    }
+
+    /// Electrodes that are groups must not share nodes.
+    fn check_apart(&self, electrodes: &[(String, ElectrodeNodes)]) -> Result<(), SceneError> {
+        const NONE: usize = usize::MAX;
+        let mut owner = vec![NONE; self.gmsh.nodes.len()];
+        for (index, (name, nodes)) in electrodes.iter().enumerate() {
+            let ElectrodeNodes::Nodes(nodes) = nodes else { continue };
+            let is_shared = |&&node: &&u32| owner[node as usize] != NONE;
+            if let Some(&node) = nodes.iter().find(is_shared) {
+                let (other, _) = &electrodes[owner[node as usize]];
+                let count = nodes.iter().filter(is_shared).count();
+                let tag = self.gmsh.node_tags[node as usize];
+                return self.check.error(
+                    &format!("sensor.electrode[{index}]"),
+                    format!(
+                        "the groups of `{other}` and `{name}` share mesh nodes: {count}, such as {tag} (Gmsh node tag)"
+                    ),
+                );
+            }
+            nodes.iter().for_each(|&node| owner[node as usize] = index);
+        }
+        Ok(())
     }
 
     /// Gives the board its permittivity, and grounds its back if it is a shield.
@@ -194,7 +238,7 @@ impl Groups<'_> {
         electrodes: &[(String, ElectrodeNodes)],
         warnings: &mut Vec<String>,
     ) -> Result<(), GmshError> {
-        warnings.extend(surface_warnings(self.gmsh)?.into_iter().map(|warning| format!("{file}: {warning}")));
+        warnings.extend(mesh_warnings(self.gmsh)?.into_iter().map(|warning| format!("{file}: {warning}")));
         let ground: HashSet<u32> = ground.iter().copied().collect();
         for (name, nodes) in electrodes {
             let ElectrodeNodes::Nodes(nodes) = nodes else { continue };
@@ -209,18 +253,33 @@ impl Groups<'_> {
     }
 }
 
-/// What is odd about the labels of a mesh's surface, but no error.
+/// What is odd about a mesh and the labels of its surface, but no error.
 ///
 /// # Errors
 /// When more than two tetrahedra share a face.
-pub fn surface_warnings(gmsh: &GmshFile) -> Result<Vec<String>, GmshError> {
+pub fn mesh_warnings(gmsh: &GmshFile) -> Result<Vec<String>, GmshError> {
     let summary = gmsh.surface_summary()?;
-    let mut warnings = Vec::new();
-    if summary.unlabelled_boundary_faces > 0 {
-        warnings.push(format!(
-            "{} of {} boundary faces are in no group; no field passes through them (natural condition)",
-            summary.unlabelled_boundary_faces, summary.boundary_faces
-        ));
+    let mut warnings = gmsh.defects.messages();
+    let is_in_group = !gmsh.triangles.iter().all(|triangle| gmsh.groups_of(triangle).is_empty());
+    if !is_in_group && !gmsh.triangles.is_empty() {
+        warnings.push(
+            "no triangle is in a physical group; in format 2.2, Gmsh's Mesh.SaveAll drops all groups"
+                .to_owned(),
+        );
+    }
+    let (unlabelled, enclosed) = (summary.unlabelled_boundary_faces, summary.enclosed_boundary_faces);
+    if unlabelled > 0 {
+        let mut warning =
+            format!("{unlabelled} of {} boundary faces are in no group; ", summary.boundary_faces);
+        if enclosed > 0 {
+            warning += &format!("{enclosed} of them count as part of the group that has all their nodes; ");
+        }
+        warning += match unlabelled - enclosed {
+            0 => "none is left open",
+            _ if enclosed > 0 => "no field passes through the others (natural condition)",
+            _ => "no field passes through them (natural condition)",
+        };
+        warnings.push(warning);
     }
     if let Some(first) = summary.detached_triangles.first() {
         warnings.push(format!(

@@ -16,7 +16,7 @@ mod trajectory;
 mod unsupported;
 
 pub use geometry::Geometry;
-pub use mesh_file::surface_warnings;
+pub use mesh_file::mesh_warnings;
 pub use object::SceneObject;
 pub use source::{SceneError, Source};
 

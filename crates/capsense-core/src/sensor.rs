@@ -330,5 +330,6 @@ fn check_reachable(mesh: &TetMesh, terminals: &[Terminal]) -> Result<(), SensorE
         }
     }
     let lost = (0..parent.len() as u32).find(|&node| !grounded[root(&mut parent, node) as usize]);
-    lost.map_or(Ok(()), |node| Err(SensorError::NoGroundReachable { node }))
+    let position = |node: u32| mesh.nodes()[node as usize].to_array();
+    lost.map_or(Ok(()), |node| Err(SensorError::NoGroundReachable { node, position: position(node) }))
 }

@@ -268,7 +268,7 @@ fn parts_of_a_mesh_need_a_terminal_each_and_do_not_couple() {
     assert!(c.get(0, 0) > base.get(0, 0) && (c.get(1, 1) / base.get(1, 1) - 1.0).abs() < TOLERANCE);
     let error = two_parts([true, false]).unwrap_err();
     let other = stripes_sensor(4_000).mesh().nodes().len() as u32;
-    assert_eq!(error, SensorError::NoGroundReachable { node: other });
+    assert!(matches!(error, SensorError::NoGroundReachable { node, .. } if node == other));
 }
 
 #[test]

@@ -6,6 +6,7 @@ mod bisection;
 mod edges;
 mod gradients;
 mod lattice;
+mod numbering;
 mod quality;
 
 pub use background::Background;
@@ -14,6 +15,7 @@ pub use edges::{EdgeList, Edges};
 pub use gradients::barycentric_gradients;
 pub(crate) use lattice::spaced_axis;
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
+pub use numbering::places;
 pub use quality::MeshQuality;
 
 pub(crate) use bins::Bins;
@@ -178,15 +180,34 @@ pub fn signed_volume([a, b, c, d]: [DVec3; 4]) -> f64 {
     (b - a).cross(c - a).dot(d - a) / 6.0
 }
 
-fn check_volume(element: usize, corners: [DVec3; 4]) -> Result<(), MeshError> {
+/// How the corners of a tetrahedron lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Orientation {
+    /// Seen from the last corner, the first three run counter-clockwise: the volume is positive.
+    Positive,
+    /// The other way round.
+    Inverted,
+    /// In one plane but for rounding, or where there is no number for the volume.
+    Flat,
+}
+
+/// How the corners of a tetrahedron lie.
+pub fn orientation(corners: [DVec3; 4]) -> Orientation {
     let volume = signed_volume(corners);
     let longest =
         (0..4).flat_map(|i| (0..i).map(move |j| corners[i].distance(corners[j]))).fold(0.0, f64::max);
-    if volume.abs() <= FLAT * longest.powi(3) {
-        Err(MeshError::ZeroVolume { element, volume })
-    } else if volume < 0.0 {
-        Err(MeshError::Inverted { element, volume })
-    } else {
-        Ok(())
+    match volume.abs() > FLAT * longest.powi(3) {
+        false => Orientation::Flat,
+        true if volume < 0.0 => Orientation::Inverted,
+        true => Orientation::Positive,
+    }
+}
+
+fn check_volume(element: usize, corners: [DVec3; 4]) -> Result<(), MeshError> {
+    let volume = signed_volume(corners);
+    match orientation(corners) {
+        Orientation::Positive => Ok(()),
+        Orientation::Inverted => Err(MeshError::Inverted { element, volume }),
+        Orientation::Flat => Err(MeshError::ZeroVolume { element, volume }),
     }
 }

@@ -52,10 +52,12 @@ pub enum SensorError {
         nodes: usize,
     },
     /// A part of the mesh is connected to neither ground nor an electrode.
-    #[error("the part of the mesh around node {node} reaches neither ground nor an electrode")]
+    #[error("the part of the mesh around {position:?} m reaches neither ground nor an electrode")]
     NoGroundReachable {
         /// A node of that part.
         node: u32,
+        /// Where it is, in metres.
+        position: [f64; 3],
     },
     /// The substrate is not a board inside the domain.
     #[error("the substrate {0}")]
