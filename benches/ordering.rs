@@ -18,7 +18,7 @@ use capsense_core::units::LengthUnit;
 use common::{Motion, design, is_large, is_test, solver_options};
 use std::time::Instant;
 
-/// Every so manieth image of a motion is a frame: 4 mm.
+/// Every n-th image of a motion is a frame: 4 mm.
 const STRIDE: usize = 4;
 
 /// Ways there and back that count; one before does not.
