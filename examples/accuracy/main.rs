@@ -11,6 +11,7 @@
 mod cases;
 mod continuity;
 mod converge;
+mod domain;
 mod measure;
 mod plates;
 mod plot;
@@ -37,6 +38,7 @@ enum Command {
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
     Rims(rims::RimsArguments),
+    Domain(domain::DomainArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -47,5 +49,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
+        Some(Command::Domain(arguments)) => domain::domain(&arguments),
     }
 }
