@@ -6,6 +6,7 @@
 //! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
+//! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
 //! ```
 
 mod cases;
