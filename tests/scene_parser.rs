@@ -134,8 +134,9 @@ fn the_wall_of_a_mesh_file_may_be_open() {
     std::fs::write(folder.path().join("cube.msh"), cube_file(false)).unwrap();
     let build = |scene: &str| Scene::parse("scene.toml", scene, folder.path()).unwrap().build_sensor();
     let open = format!("{MESH_SCENE}\n[domain]\nwall = \"open\"\n");
-    let grounded_nodes =
-        |scene: &str| build(scene).unwrap().terminals().iter().filter(|terminal| **terminal == GROUND).count();
+    let grounded_nodes = |scene: &str| {
+        build(scene).unwrap().terminals().iter().filter(|terminal| **terminal == GROUND).count()
+    };
     assert!(grounded_nodes(MESH_SCENE) > 100);
     assert_eq!(grounded_nodes(&open), 0);
     // The plate is within, so there is no wall.

@@ -21,9 +21,6 @@ const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 const REACH: f64 = 5.0;
 const LEAST_REACH: f64 = 0.5;
 
-/// Growth beyond, in metres per metre.
-const BEYOND_NEAR: f64 = 0.3;
-
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
 
@@ -221,6 +218,7 @@ impl SensorDesign {
 
     fn graded_lattice(&self, grading: Grading) -> Result<Lattice, SensorError> {
         let board = self.substrate.map(|board| board.bounds());
+        let near = self.near();
         let mut axes = [const { Vec::new() }; 3];
         for (axis, coordinates) in axes.iter_mut().enumerate() {
             let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
@@ -235,10 +233,9 @@ impl SensorDesign {
             }
             let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
             let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
-            let near = self.near();
             let spacing = |place: f64, distance: f64| {
-                let beyond = (near.min[axis] - place).max(place - near.max[axis]).max(0.0);
-                grading.spacing(axis, &near, ends, place, distance) + BEYOND_NEAR * beyond
+                let far = (near.min[axis] - place).max(place - near.max[axis]).max(0.0);
+                grading.spacing(axis, &near, ends, place, distance) + grading.far(far)
             };
             let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
             *coordinates = spaced_axis(low, high, &planes, &fine, grading.unequal(axis), spacing);
