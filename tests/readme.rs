@@ -231,7 +231,8 @@ const SMALL_TABLES: [(&str, &str); 6] = [
 ];
 
 /// Keys whose value is one of some words, each with text in which that word is `zzz`.
-const WORDS: [(&str, &str); 6] = [
+const WORDS: [(&str, &str); 7] = [
+    ("domain.wall", "domain.wall = 'zzz'"),
     ("mesh.generate.kind", "mesh.generate = { kind = 'zzz' }"),
     (
         "sensor.substrate.back",

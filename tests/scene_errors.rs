@@ -67,6 +67,14 @@ const CASES: &[Case] = &[
         "domain.max",
         "invalid length 4",
     ),
+    case("max = [0.25, 0.25, 0.45]", "", "min = ", "domain.min", "goes with `max`"),
+    case(
+        "max = [0.25, 0.25, 0.45]",
+        "max = [0.25, 0.25, 0.45]\nwall = \"ajar\"",
+        "wall = ",
+        "domain.wall",
+        "unknown variant `ajar`",
+    ),
     // Mesh.
     case("elements = 8000", "elements = 0", "elements", "mesh.generate.elements", "must be from 6"),
     case("elements = 8000", "elements = 100", "elements", "mesh.generate.elements", "at most 100 tetrahedra"),

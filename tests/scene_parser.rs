@@ -8,7 +8,8 @@ use capsense::core::glam::DVec3;
 use capsense::core::material::{Connection, Material};
 use capsense::core::occupancy::Interface;
 use capsense::scene::SceneSensor;
-use common::{MESH_SCENE, SCENE};
+use capsense_core::sensor::{GROUND, Wall};
+use common::{MESH_SCENE, SCENE, cube_file};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -108,6 +109,41 @@ fn an_object_that_never_enters_is_warned_of() {
     let scene = SCENE.replace("[[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]", "[[-0.1, 0.0, 10.0], [0.1, 0.0, 10.0]]");
     let scene = Scene::parse("scene.toml", &scene, Path::new("")).unwrap();
     assert_eq!(scene.warnings, ["scene.toml: object `bar` never enters the domain"]);
+}
+
+#[test]
+fn a_wall_may_be_open_with_or_without_a_domain() {
+    let parse = |text: &str| Scene::parse("scene.toml", text, Path::new("")).unwrap();
+    let wall = |text: &str| {
+        let scene = parse(text);
+        let sensor = scene.build_sensor().unwrap();
+        assert_eq!(sensor.wall(), scene.wall);
+        scene.wall
+    };
+    assert_eq!(wall(SCENE), Wall::Grounded);
+    assert_eq!(wall(&SCENE.replace("[domain]", "[domain]\nwall = \"grounded\"")), Wall::Grounded);
+    assert_eq!(wall(&SCENE.replace("[domain]", "[domain]\nwall = \"open\"")), Wall::Open);
+    let least = "domain.wall = \"open\"\n[[sensor.electrode]]\nname = \"E\"\ndisk = { center = [0, 0], radius = 0.1 }\n";
+    assert_eq!(wall(least), Wall::Open);
+    assert_eq!(parse(least).domain, parse(&least.replace("open", "grounded")).domain);
+}
+
+#[test]
+fn the_wall_of_a_mesh_file_may_be_open() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cube.msh"), cube_file(false)).unwrap();
+    let build = |scene: &str| Scene::parse("scene.toml", scene, folder.path()).unwrap().build_sensor();
+    let open = format!("{MESH_SCENE}\n[domain]\nwall = \"open\"\n");
+    let grounded_nodes = |scene: &str| {
+        build(scene).unwrap().terminals().iter().filter(|terminal| **terminal == GROUND).count()
+    };
+    assert!(grounded_nodes(MESH_SCENE) > 100);
+    assert_eq!(grounded_nodes(&open), 0);
+    // The plate is within, so there is no wall.
+    let inner = open.replace("\"outer_ground\", E1 = \"plate\"", "\"plate\", E1 = \"outer_ground\"");
+    let message = build(&inner).unwrap_err().to_string();
+    let line = 1 + inner.lines().position(|line| line.starts_with("wall")).unwrap();
+    assert!(message.starts_with(&format!("scene.toml:{line}: domain.wall: no outer face")), "{message}");
 }
 
 #[test]

@@ -6,11 +6,13 @@
 //! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
+//! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
 //! ```
 
 mod cases;
 mod continuity;
 mod converge;
+mod domain;
 mod measure;
 mod plates;
 mod plot;
@@ -37,6 +39,7 @@ enum Command {
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
     Rims(rims::RimsArguments),
+    Domain(domain::DomainArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -47,5 +50,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
+        Some(Command::Domain(arguments)) => domain::domain(&arguments),
     }
 }

@@ -3,12 +3,12 @@
 use super::check::Checker;
 use super::electrode_stl;
 use super::object::permittivity;
-use super::raw::{RawBack, RawDomain, RawElectrode, RawSensor, RawSubstrate, Tuple};
+use super::raw::{RawBack, RawDomain, RawElectrode, RawSensor, RawSubstrate, RawWall, Tuple};
 use super::source::{SceneError, Source};
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
-use capsense_core::sensor::{SensorError, Substrate};
+use capsense_core::sensor::{SensorError, Substrate, Wall};
 
 /// The domain when the scene names none: a cube of 0.5 m, its floor 50 mm below the sensing surface.
 pub(super) const DEFAULT_DOMAIN: Aabb =
@@ -17,14 +17,31 @@ pub(super) const DEFAULT_DOMAIN: Aabb =
 /// Names that `mesh.groups` needs for other things.
 const RESERVED: [&str; 2] = ["ground", "substrate"];
 
-pub(super) fn domain(check: Checker<'_>, raw: &RawDomain) -> Result<Aabb, SceneError> {
-    let (min, max) = (check.finite3("domain.min", *raw.min)?, check.finite3("domain.max", *raw.max)?);
+/// The domain, if the scene gives one.
+pub(super) fn domain(check: Checker<'_>, raw: &RawDomain) -> Result<Option<Aabb>, SceneError> {
+    let (min, max) = match (raw.min, raw.max) {
+        (None, None) => return Ok(None),
+        (Some(min), Some(max)) => (check.finite3("domain.min", *min)?, check.finite3("domain.max", *max)?),
+        (given, _) => {
+            let [given, missing] = if given.is_some() { ["min", "max"] } else { ["max", "min"] };
+            return check
+                .error(&format!("domain.{given}"), format!("goes with `{missing}`; give both or neither"));
+        }
+    };
     match (0..3).find(|&axis| min[axis] >= max[axis]) {
         Some(axis) => check.error(
             &format!("domain.max[{axis}]"),
             format!("must be greater than domain.min[{axis}] = {}, but is {}", min[axis], max[axis]),
         ),
-        None => Ok(Aabb { min, max }),
+        None => Ok(Some(Aabb { min, max })),
+    }
+}
+
+/// What lies beyond the wall of the domain.
+pub(super) fn wall(raw: &RawDomain) -> Wall {
+    match raw.wall {
+        RawWall::Grounded => Wall::Grounded,
+        RawWall::Open => Wall::Open,
     }
 }
 
@@ -119,6 +136,7 @@ pub(super) fn locate(source: &Source, names: &[String], error: &SensorError) -> 
         | SensorError::NodeOutOfRange { name, .. } => electrode(name),
         SensorError::Substrate(_) => "sensor.substrate".to_owned(),
         SensorError::Domain => "domain".to_owned(),
+        SensorError::NoWall => "domain.wall".to_owned(),
         SensorError::TooFewElements { .. } => "mesh.generate.elements".to_owned(),
         SensorError::NoGroundReachable { .. } | SensorError::Lattice(_) | SensorError::Mesh(_) => {
             "mesh".to_owned()

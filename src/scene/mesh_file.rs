@@ -70,10 +70,9 @@ fn domain(check: Checker<'_>, raw: &RawScene, mesh: &TetMesh, unit: &str) -> Res
         let message = format!("the mesh is {extent:.6} m large when its unit is `{unit}`: check mesh.unit");
         return check.error("mesh.unit", message);
     }
-    let Some(raw) = &raw.domain else {
+    let Some(stated) = design::domain(check, &raw.domain)? else {
         return Ok(bounds);
     };
-    let stated = design::domain(check, raw)?;
     let apart = |a: DVec3, b: DVec3| (a - b).abs().max_element();
     if apart(stated.min, bounds.min).max(apart(stated.max, bounds.max)) > DOMAIN_SLACK * extent {
         let message = format!(

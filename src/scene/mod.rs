@@ -25,7 +25,7 @@ use capsense_core::electrode::Electrode;
 use capsense_core::geometry::Aabb;
 use capsense_core::mesh::TetMesh;
 use capsense_core::occupancy::{Interface, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign};
+use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, Wall};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use check::Checker;
 use raw::{RawElectrode, RawInterface, RawPreconditioner, RawScene};
@@ -54,8 +54,10 @@ const FINEST_TOLERANCE: f64 = 1e-14;
 pub struct Scene {
     /// The file it comes from, and where its keys are.
     pub source: Source,
-    /// The simulated space; its outer wall is grounded.
+    /// The simulated space.
     pub domain: Aabb,
+    /// What lies beyond its outer wall.
+    pub wall: Wall,
     /// The sensor and how it is meshed.
     pub sensor: SceneSensor,
     /// Names of the electrodes in the order of the capacitance matrix.
@@ -148,10 +150,11 @@ impl Scene {
     pub fn build_sensor(&self) -> Result<Sensor, SceneError> {
         let sensor = match &self.sensor {
             SceneSensor::Generated { design, elements } => {
-                design.lattice(*elements).and_then(|lattice| Sensor::on_lattice(design, &lattice))
+                let on_lattice = |lattice| Sensor::on_lattice_within(self.wall, design, &lattice);
+                design.lattice(*elements).and_then(on_lattice)
             }
             SceneSensor::Meshed { mesh, ground, electrodes } => {
-                Sensor::on_mesh(mesh.clone(), ground, electrodes.clone())
+                Sensor::on_mesh_within(self.wall, mesh.clone(), ground, electrodes.clone())
             }
         };
         sensor.map_err(|error| design::locate(&self.source, &self.electrodes, &error))
@@ -201,6 +204,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
     Ok(Scene {
         source: check.source.clone(),
         domain,
+        wall: design::wall(&raw.domain),
         sensor,
         electrodes,
         geometry,
@@ -242,10 +246,7 @@ fn sensor(
         }
         return mesh_file::sensor(check, raw, file, names, warnings);
     }
-    let domain = match &raw.domain {
-        Some(raw) => design::domain(check, raw)?,
-        None => design::DEFAULT_DOMAIN,
-    };
+    let domain = design::domain(check, &raw.domain)?.unwrap_or(design::DEFAULT_DOMAIN);
     let elements = match raw.mesh.generate.as_ref().map(|generate| generate.elements) {
         None => DEFAULT_ELEMENTS,
         Some(Some(elements)) => check.count("mesh.generate.elements", elements, 6, MOST_ELEMENTS)?,

@@ -30,7 +30,8 @@ impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Tuple<T, N> 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawScene {
-    pub(super) domain: Option<RawDomain>,
+    #[serde(default)]
+    pub(super) domain: RawDomain,
     #[serde(default)]
     pub(super) mesh: RawMesh,
     #[serde(default)]
@@ -45,11 +46,21 @@ pub(super) struct RawScene {
     pub(super) solver: RawSolver,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawDomain {
-    pub(super) min: Tuple<f64, 3>,
-    pub(super) max: Tuple<f64, 3>,
+    pub(super) min: Option<Tuple<f64, 3>>,
+    pub(super) max: Option<Tuple<f64, 3>>,
+    #[serde(default)]
+    pub(super) wall: RawWall,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawWall {
+    #[default]
+    Grounded,
+    Open,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -47,7 +47,7 @@ impl Fields {
         let terminals: Vec<Terminal> = (1..=electrodes).chain(released.map(|(object, _)| object)).collect();
         let to_ground: Vec<f64> =
             materials.iter().filter_map(own_potential).map(|farads| farads / VACUUM_PERMITTIVITY).collect();
-        let bodies = (1..=electrodes).chain(objects);
+        let bodies = sensor.held_rows().chain(objects);
         let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(bodies).collect();
         let fixed: Vec<bool> = row_terminals.iter().map(|&terminal| terminal != FREE).collect();
         let mut fields = Self {
@@ -99,8 +99,11 @@ impl Fields {
         electrodes: usize,
         options: &SolverOptions,
     ) {
-        let released = |node: &u32| occupancy.conductors()[*node as usize] == NO_OBJECT;
-        if !self.solver.bracket_is_open(options) || occupancy.changed_nodes().iter().any(released) {
+        // What a node draws through a link of its own is on no edge.
+        let is_lost = |node: &u32| {
+            occupancy.conductors()[*node as usize] == NO_OBJECT || matrix.has_link_of_its_own(*node)
+        };
+        if !self.solver.bracket_is_open(options) || occupancy.changed_nodes().iter().any(is_lost) {
             self.solver.bracket_mut().is_lost = true;
             return;
         }

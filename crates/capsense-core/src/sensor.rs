@@ -4,16 +4,20 @@ mod design;
 mod error;
 mod grading;
 mod rim;
+mod wall;
 
 pub use design::{SensorDesign, Substrate};
 pub use error::SensorError;
 pub use rim::RimLink;
+pub use wall::Wall;
+pub(crate) use wall::{OpenWall, WallEdge};
 
 use crate::electrode::Electrode;
 use crate::mesh::{Lattice, TetMesh};
 use design::check_names;
 use glam::DVec3;
 use rim::{Ground, Linked, Rim, rim_of_cut, rim_on_lattice, rims_of_sheets};
+use wall::{WallFace, nodes_of, outer_faces, reaching_out};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
 pub type Terminal = u16;
@@ -49,6 +53,8 @@ pub struct Sensor {
     /// Thin electrodes by shape: their outlines may cut mesh edges. `None` for electrodes given by nodes.
     shapes: Vec<Option<Electrode>>,
     flat: f64,
+    /// `None` where the wall is grounded.
+    open_wall: Option<OpenWall>,
 }
 
 impl Sensor {
@@ -57,6 +63,18 @@ impl Sensor {
     /// # Errors
     /// As [`SensorDesign::validate`] and [`Sensor::on_mesh`].
     pub fn on_lattice(design: &SensorDesign, lattice: &Lattice) -> Result<Self, SensorError> {
+        Self::on_lattice_within(Wall::Grounded, design, lattice)
+    }
+
+    /// The same within a wall that may be open. A shield that reaches it stays grounded up to there.
+    ///
+    /// # Errors
+    /// As [`Sensor::on_lattice`].
+    pub fn on_lattice_within(
+        wall: Wall,
+        design: &SensorDesign,
+        lattice: &Lattice,
+    ) -> Result<Self, SensorError> {
         design.validate()?;
         let mut mesh = lattice.to_tet_mesh()?;
         let slack = IN_PLANE * design.domain.size().max_element();
@@ -64,7 +82,10 @@ impl Sensor {
             (node - design.domain.min).min_element() <= slack
                 || (design.domain.max - node).min_element() <= slack
         };
-        let mut ground = nodes_where(&mesh, on_wall);
+        let mut ground = match wall {
+            Wall::Grounded => nodes_where(&mesh, on_wall),
+            Wall::Open => Vec::new(),
+        };
         if let Some(board) = &design.substrate {
             let bounds = board.bounds();
             let centroids: Vec<_> = (0..mesh.tets().len()).map(|element| mesh.centroid(element)).collect();
@@ -84,6 +105,10 @@ impl Sensor {
             sensor.shapes.push(Some(electrode.clone()));
             sensor.claim_with_rim(index, &electrode.name, &rim)?;
         }
+        if wall == Wall::Open {
+            let is_on_wall: Vec<bool> = sensor.mesh.nodes().iter().map(|&node| on_wall(node)).collect();
+            sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
+        }
         check_reachable(&sensor.mesh, &sensor.owners)?;
         Ok(sensor)
     }
@@ -99,8 +124,26 @@ impl Sensor {
         ground: &[u32],
         electrodes: Vec<(String, ElectrodeNodes)>,
     ) -> Result<Self, SensorError> {
+        Self::on_mesh_within(Wall::Grounded, mesh, ground, electrodes)
+    }
+
+    /// The same within a wall that may be open: then the mesh's outer faces are not grounded where all their nodes are
+    /// given as grounded. What lies within, and the surfaces of holes, stay grounded.
+    ///
+    /// # Errors
+    /// As [`Sensor::on_mesh`], and when there is no such face.
+    pub fn on_mesh_within(
+        wall: Wall,
+        mesh: TetMesh,
+        ground: &[u32],
+        electrodes: Vec<(String, ElectrodeNodes)>,
+    ) -> Result<Self, SensorError> {
         check_names(electrodes.iter().map(|(name, _)| name.as_str()))?;
         let mut sensor = Self::without_electrodes(mesh, ground)?;
+        let outer = match wall {
+            Wall::Grounded => Vec::new(),
+            Wall::Open => sensor.release_wall()?,
+        };
         let flat = sensor.flat;
         for (index, (name, nodes)) in electrodes.into_iter().enumerate() {
             sensor.electrode_names.push(name.clone());
@@ -121,6 +164,9 @@ impl Sensor {
             }
         }
         sensor.release_rims();
+        if wall == Wall::Open {
+            sensor.open(&outer);
+        }
         check_reachable(&sensor.mesh, &sensor.owners)?;
         Ok(sensor)
     }
@@ -134,6 +180,7 @@ impl Sensor {
             electrode_names: Vec::new(),
             shapes: Vec::new(),
             flat: IN_PLANE * mesh.bounds().size().max_element(),
+            open_wall: None,
             mesh,
         };
         for &node in ground {
@@ -143,10 +190,35 @@ impl Sensor {
         Ok(sensor)
     }
 
-    /// The same sensor with the nodes that lie within an electrode's outline held, as a mesh alone would have it: what
-    /// links are compared with.
+    /// Takes the nodes of outer faces that are all grounded from ground, and returns these faces.
+    fn release_wall(&mut self) -> Result<Vec<WallFace>, SensorError> {
+        let is_grounded: Vec<bool> = self.terminals.iter().map(|&terminal| terminal == GROUND).collect();
+        let faces = reaching_out(&self.mesh, outer_faces(&self.mesh, &is_grounded), self.flat);
+        if faces.is_empty() {
+            return Err(SensorError::NoWall);
+        }
+        for (node, _) in nodes_of(&faces, self.owners.len()).into_iter().enumerate().filter(|(_, is)| *is) {
+            self.owners[node] = FREE;
+            self.terminals[node] = FREE;
+        }
+        Ok(faces)
+    }
+
+    /// Opens the wall, its nodes already free.
+    fn open(&mut self, faces: &[WallFace]) {
+        self.open_wall = Some(OpenWall::new(&self.mesh, &self.owners, faces));
+    }
+
+    /// The same sensor with the nodes that lie within an electrode's outline held, and those of an open wall grounded, as a
+    /// mesh alone would have it: what links are compared with.
     #[must_use]
     pub fn with_rims_held(mut self) -> Self {
+        for (node, _) in self.open_wall.take().into_iter().flat_map(|wall| wall.links) {
+            let owner = &mut self.owners[node as usize];
+            if *owner == FREE {
+                *owner = GROUND;
+            }
+        }
         let links = std::mem::take(&mut self.rim);
         for link in &links {
             self.owners[link.node as usize] = FREE;
@@ -269,6 +341,22 @@ impl Sensor {
     /// The same with nodes at the rims of thin electrodes counted as the electrode's, which no object can take.
     pub fn owners(&self) -> &[Terminal] {
         &self.owners
+    }
+
+    /// What lies beyond the outer wall.
+    pub fn wall(&self) -> Wall {
+        if self.open_wall.is_some() { Wall::Open } else { Wall::Grounded }
+    }
+
+    /// What stands for the space beyond the wall if that is open.
+    pub(crate) fn open_wall(&self) -> Option<&OpenWall> {
+        self.open_wall.as_ref()
+    }
+
+    /// Terminals of the rows that follow those of the nodes, before those of objects: all electrodes, then ground, where links
+    /// lead to it.
+    pub(crate) fn held_rows(&self) -> impl Iterator<Item = Terminal> + Clone {
+        (1..=self.electrode_names.len() as Terminal).chain(self.open_wall.iter().map(|_| GROUND))
     }
 
     /// Links between nodes at the rims of thin electrodes and their electrode.

@@ -52,7 +52,7 @@ impl Ic0Method {
             objects.clone().zip(&materials).filter(|(_, material)| own_potential(material).is_some());
         let terminals: Vec<Terminal> =
             (1..=electrodes as Terminal).chain(released.map(|(object, _)| object)).collect();
-        let bodies = (1..=electrodes as Terminal).chain(objects.take(materials.len()));
+        let bodies = sensor.held_rows().chain(objects.take(materials.len()));
         let holders: Vec<Terminal> = sensor.terminals().iter().copied().chain(bodies).collect();
         let mut method = Self {
             factors: IncompleteCholesky::new(csr.pattern())?,

@@ -123,6 +123,17 @@ impl Edges {
         }
     }
 
+    /// The edge between two nodes.
+    pub(crate) fn between(&self, [a, b]: [u32; 2]) -> Option<usize> {
+        let mut found = None;
+        self.for_edges_at(a as usize, |edge, _| {
+            if self.ends(edge).is_some_and(|ends| ends.contains(&b)) {
+                found = Some(edge);
+            }
+        });
+        found
+    }
+
     /// Visits the nodes in a box, each once.
     pub fn for_nodes_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize)) {
         match self {

@@ -16,6 +16,11 @@ const SPACING_STEPS: usize = 24;
 /// Heights of layers that are tried, in relation to what usually is best; the first is the most.
 const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 
+/// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
+/// at least. Bodies move half as far.
+const REACH: f64 = 5.0;
+const LEAST_REACH: f64 = 0.5;
+
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
 
@@ -197,8 +202,23 @@ impl SensorDesign {
         self.graded_lattice(Grading::even(finest, growth - 1.0))
     }
 
+    /// The part of the domain that spacing is chosen for. Bodies move within reach of the sensor, however far the wall is.
+    fn near(&self) -> Aabb {
+        let bounds = self
+            .electrodes
+            .iter()
+            .flat_map(|electrode| electrode.outline.bounds().map(|corner| corner.extend(electrode.z)));
+        let around = Aabb::around(bounds);
+        let reach = (REACH * around.size().max_element()).max(LEAST_REACH);
+        Aabb {
+            min: (around.min - reach).max(self.domain.min),
+            max: (around.max + reach).min(self.domain.max),
+        }
+    }
+
     fn graded_lattice(&self, grading: Grading) -> Result<Lattice, SensorError> {
         let board = self.substrate.map(|board| board.bounds());
+        let near = self.near();
         let mut axes = [const { Vec::new() }; 3];
         for (axis, coordinates) in axes.iter_mut().enumerate() {
             let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
@@ -213,8 +233,10 @@ impl SensorDesign {
             }
             let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
             let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
-            let spacing =
-                |place: f64, distance: f64| grading.spacing(axis, &self.domain, ends, place, distance);
+            let spacing = |place: f64, distance: f64| {
+                let far = (near.min[axis] - place).max(place - near.max[axis]).max(0.0);
+                grading.spacing(axis, &near, ends, place, distance) + grading.far(far)
+            };
             let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
             *coordinates = spaced_axis(low, high, &planes, &fine, grading.unequal(axis), spacing);
         }

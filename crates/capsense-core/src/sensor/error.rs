@@ -51,6 +51,9 @@ pub enum SensorError {
         /// Number of nodes.
         nodes: usize,
     },
+    /// A mesh without a wall that could be open.
+    #[error("no outer face of the mesh is grounded, so there is no wall to open")]
+    NoWall,
     /// A part of the mesh is connected to neither ground nor an electrode.
     #[error("the part of the mesh around {position:?} m reaches neither ground nor an electrode")]
     NoGroundReachable {

@@ -7,6 +7,9 @@
 use crate::geometry::Aabb;
 use glam::DVec2;
 
+/// Growth towards walls that are far, in parts of that beyond the workspace, to which it adds.
+const FAR: f64 = 2.0;
+
 /// What a lattice should know of the electrodes, besides where its planes must be.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pattern {
@@ -75,6 +78,11 @@ impl Grading {
     /// By which factor cells on both sides of a fixed place may differ in size. Boards are thin, so it is any at their faces.
     pub(super) fn unequal(&self, axis: usize) -> f64 {
         if axis < 2 { self.unequal } else { f64::INFINITY }
+    }
+
+    /// What spacing is larger by so far outside of the domain that it is chosen for, in metres.
+    pub(super) fn far(&self, outside: f64) -> f64 {
+        FAR * self.beyond * outside
     }
 
     /// Spacing along one axis of a domain at a place that is so far from the nearest of the fixed coordinates, of which the first

@@ -165,7 +165,7 @@ impl StiffnessMatrix {
     fn collect_links(&mut self, occupancy: &Occupancy) {
         self.links.clear();
         self.push_rim_links();
-        let first_object = self.nodes + self.network.electrodes();
+        let first_object = self.nodes + self.network.held_rows();
         for &edge in occupancy.linked_edges() {
             let base = self.network.weights()[edge as usize];
             if base > 0.0 || occupancy.scales_negative_weights() {
@@ -252,6 +252,11 @@ impl StiffnessMatrix {
     /// Sum of the weights of a node's links.
     pub fn link_weight(&self, node: usize) -> f64 {
         self.link_sums[node]
+    }
+
+    /// Whether a node has a link that is there in the empty scene too: to an electrode, or through an open wall.
+    pub(crate) fn has_link_of_its_own(&self, node: u32) -> bool {
+        self.rim.has_link(node)
     }
 
     /// Whether the last update changed the weight of a link between an electrode and its rim.

@@ -6,7 +6,7 @@
 
 use crate::mesh::{Background, CANCELLED, EdgeList, EdgeShare, Edges, Lattice, TetMesh};
 use crate::occupancy::SMALLEST_PART;
-use crate::sensor::{RimLink, Sensor};
+use crate::sensor::{GROUND, OpenWall, RimLink, Sensor, Terminal, WallEdge};
 
 pub use crate::mesh::barycentric_gradients;
 
@@ -16,8 +16,8 @@ pub struct EdgeNetwork {
     edges: Edges,
     weights: Vec<f64>,
     permittivity: Background,
-    /// Number of electrodes that have a row.
-    electrodes: usize,
+    /// Number of rows of electrodes and of ground.
+    held_rows: usize,
     rim: Vec<RimLink>,
 }
 
@@ -78,7 +78,7 @@ impl EdgeNetwork {
             edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))),
             weights,
             permittivity: Background::new(permittivity),
-            electrodes: 0,
+            held_rows: 0,
             rim: Vec::new(),
         }
     }
@@ -111,7 +111,7 @@ impl EdgeNetwork {
             }
         }
         let permittivity = weights.iter().zip(&vacuum).map(|(w, v)| mean_permittivity(*w, *v)).collect();
-        Self { edges, weights, permittivity: Background::new(permittivity), electrodes: 0, rim: Vec::new() }
+        Self { edges, weights, permittivity: Background::new(permittivity), held_rows: 0, rim: Vec::new() }
     }
 
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
@@ -139,8 +139,34 @@ impl EdgeNetwork {
             }
         }
         network.rim = sensor.rim().to_vec();
-        network.electrodes = sensor.electrode_names().len();
+        network.held_rows = sensor.held_rows().count();
+        if let Some(wall) = sensor.open_wall() {
+            network.open(wall, sensor.terminals());
+        }
         network
+    }
+
+    /// Adds what stands for the space beyond an open wall. Links lead to the last of the rows that are held, that of ground.
+    fn open(&mut self, wall: &OpenWall, terminals: &[Terminal]) {
+        let mut links = vec![0.0; terminals.len()];
+        wall.links.iter().for_each(|&(node, weight)| links[node as usize] += weight);
+        for &WallEdge { ends, weight, links: [first, second] } in &wall.edges {
+            // Along an edge that has no weight in space there is none on the wall either.
+            if let Some(edge) = self.edges.between(ends) {
+                self.weights[edge] += weight;
+                links[ends[0] as usize] += first;
+                links[ends[1] as usize] += second;
+            }
+        }
+        let ground = self.held_rows as u16 - 1;
+        let is_linked = |&(node, weight): &(u32, f64)| weight != 0.0 && terminals[node as usize] != GROUND;
+        let links = (0..).zip(links).filter(is_linked);
+        self.rim.extend(links.map(|(node, weight)| RimLink {
+            node,
+            electrode: ground,
+            weight,
+            inside: false,
+        }));
     }
 
     /// The edges.
@@ -153,12 +179,13 @@ impl EdgeNetwork {
         &self.weights
     }
 
-    /// Number of electrodes that have a row after those of the nodes, before the objects.
-    pub fn electrodes(&self) -> usize {
-        self.electrodes
+    /// Number of rows after those of the nodes, before the objects: of electrodes, and of ground where links lead to it.
+    pub fn held_rows(&self) -> usize {
+        self.held_rows
     }
 
-    /// Links between nodes at the rims of electrodes and their electrode.
+    /// Links between nodes at the rims of electrodes and their electrode, and between nodes of an open wall and ground, which
+    /// is numbered like one more electrode.
     pub fn rim(&self) -> &[RimLink] {
         &self.rim
     }

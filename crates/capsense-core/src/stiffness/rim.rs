@@ -24,6 +24,10 @@ impl RimWeights {
         &self.now
     }
 
+    pub(super) fn has_link(&self, node: u32) -> bool {
+        self.empty.binary_search_by_key(&node, |link| link.node).is_ok()
+    }
+
     pub(super) fn start_update(&mut self) {
         self.changed = false;
     }

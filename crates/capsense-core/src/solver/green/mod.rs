@@ -10,7 +10,7 @@ mod changes;
 mod system;
 mod table;
 
-use crate::occupancy::Occupancy;
+use crate::occupancy::{NO_OBJECT, Occupancy};
 use crate::stiffness::StiffnessMatrix;
 use changes::Changes;
 use std::sync::OnceLock;
@@ -51,6 +51,11 @@ impl Green {
     /// scene, or K is not positive definite.
     pub(crate) fn update(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy) -> Option<f64> {
         self.charges.take();
+        // Nodes within conductors need not be known, but for those from which a link leads through an open wall.
+        let is_held = |(node, ..): (usize, usize, f64)| occupancy.conductors()[node] != NO_OBJECT;
+        if matrix.links().take(self.empty.rim.len()).any(is_held) {
+            return None;
+        }
         self.changes.collect(&self.empty, matrix, occupancy);
         let cost = self.changes.points.len() as f64 + COST_OF_NODE * self.changes.nodes.len() as f64;
         if cost > self.capacity as f64 {

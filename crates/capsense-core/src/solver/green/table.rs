@@ -19,7 +19,7 @@ pub(crate) struct Empty {
     fields: Vec<f64>,
     /// XᵀKX.
     pub(super) energies: Vec<f64>,
-    /// Weights of the links between electrodes and their rims.
+    /// Weights of the links that are there without objects.
     pub(super) rim: Vec<f64>,
     pub(super) first_object: usize,
     /// Place of each node in the table; fixed nodes have the last, where all is zero.
@@ -59,7 +59,7 @@ impl Empty {
             fields: (0..nodes * columns).map(|at| potential(at % columns, at / columns)).collect(),
             energies: energies.to_vec(),
             rim: matrix.links().map(|(_, _, weight)| weight).collect(),
-            first_object: nodes + matrix.network().electrodes(),
+            first_object: nodes + matrix.network().held_rows(),
             place,
             table,
             free: free.len(),

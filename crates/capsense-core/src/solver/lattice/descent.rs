@@ -56,7 +56,8 @@ impl Descent {
         let (red, black, residual) = (planes(), planes(), planes());
         let pairs = layout.columns * (layout.columns + 1) / 2;
         let gains = Gains {
-            of_planes: vec![0.0; pairs * layout.counts[2]],
+            // A sweep ends one plane behind the last that gets a residual.
+            of_planes: vec![0.0; pairs * (layout.counts[2] + 1)],
             diagonal: vec![0.0; PIECE],
             charges: vec![0.0; PIECE],
         };
