@@ -25,7 +25,7 @@ pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
-pub use near_field::{RightAngle, Round};
+pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
 pub use surfaces::{Span, Surfaces};
 
 use crate::geometry::Aabb;

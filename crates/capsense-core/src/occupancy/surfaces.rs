@@ -1,6 +1,6 @@
 //! What the occupancy asks of surfaces, however they are known.
 
-use super::{Earlier, InvalidDepth, Regions, RightAngle, Round};
+use super::{Earlier, InvalidDepth, Regions, RightAngles, Round};
 use crate::geometry::Aabb;
 use glam::DVec3;
 
@@ -53,15 +53,9 @@ pub trait Surfaces {
         true
     }
 
-    /// Where two faces of an object meet at a right angle, as near to a point as there is such an edge.
-    fn right_angle_near(&self, _object: usize, _point: DVec3) -> Option<RightAngle> {
+    /// Where faces of an object meet at right angles, if they do.
+    fn right_angles(&self, _object: usize) -> Option<RightAngles<'_>> {
         None
-    }
-
-    /// The same, or nothing where that place is further from the point than `reach` along one of the axes.
-    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
-        let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(reach).all();
-        self.right_angle_near(object, point).filter(is_near)
     }
 
     /// How an object is rounded, if it has no edges.

@@ -4,7 +4,7 @@
 //! quadratic for round ones. The quadratic is solved from the line's distance to the centre, so that nothing cancels
 //! when both ends are far away.
 
-use crate::occupancy::RightAngle;
+use crate::occupancy::RightAngled;
 use glam::{BVec3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -140,49 +140,12 @@ impl Convex {
         Some(false)
     }
 
-    /// The edge at a right angle that is nearest to a point.
-    #[inline]
-    pub(super) fn right_angle_near(&self, point: DVec3) -> Option<RightAngle> {
+    /// The solid as one whose faces meet at right angles.
+    pub(super) fn right_angled(&self) -> Option<RightAngled> {
         match *self {
-            Self::Box(half) => {
-                let outside = point.abs() - half;
-                let squared = outside * outside;
-                let beyond = outside.max(DVec3::ZERO);
-                // For edges along each axis.
-                let distances = DVec3::splat(squared.element_sum()) - squared + beyond * beyond;
-                let axis = distances.min_position();
-                let corner = half.copysign(point);
-                let mut place = corner;
-                place[axis] = point[axis];
-                let normals = [(axis + 1) % 3, (axis + 2) % 3].map(|across| {
-                    let mut normal = DVec3::ZERO;
-                    normal[across] = 1.0_f64.copysign(point[across]);
-                    normal
-                });
-                let mut across = half;
-                across[axis] = f64::INFINITY;
-                Some(RightAngle {
-                    place,
-                    normals,
-                    inside: -outside[axis],
-                    radius: f64::INFINITY,
-                    thickness: 2.0 * across.min_element(),
-                    breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),
-                })
-            }
+            Self::Box(half) => Some(RightAngled::Box(half)),
             Self::Capsule { .. } => None,
-            Self::Cylinder { radius, half_length } => {
-                let outwards = point.truncate().try_normalize()?;
-                let end = half_length.copysign(point.z);
-                Some(RightAngle {
-                    place: (radius * outwards).extend(end),
-                    normals: [outwards.extend(0.0), DVec3::Z * 1.0_f64.copysign(point.z)],
-                    inside: f64::INFINITY,
-                    radius,
-                    thickness: 2.0 * radius.min(half_length),
-                    breadth: 2.0 * radius,
-                })
-            }
+            Self::Cylinder { radius, half_length } => Some(RightAngled::Cylinder { radius, half_length }),
         }
     }
 

@@ -13,7 +13,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Regions, RightAngle, Round, Span, Surfaces};
+use crate::occupancy::{Earlier, Regions, RightAngles, Round, Span, Surfaces};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3Swizzles};
@@ -289,20 +289,10 @@ impl Surfaces for Solids {
         }
     }
 
-    fn right_angle_near(&self, object: usize, point: DVec3) -> Option<RightAngle> {
-        self.right_angle_within(object, point, DVec3::INFINITY)
-    }
-
-    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
+    fn right_angles(&self, object: usize) -> Option<RightAngles<'_>> {
         let Body::Convex(convex) = &self.solids[object].body else { return None };
-        let placed = &self.placed[object];
-        let angle = convex.right_angle_near(placed.local(point))?;
-        let place = placed.sensor_from_object.transform_point3(angle.place);
-        if !(place - point).abs().cmple(reach).all() {
-            return None;
-        }
-        let turn = placed.sensor_from_object.matrix3;
-        Some(RightAngle { place, normals: [turn * angle.normals[0], turn * angle.normals[1]], ..angle })
+        let Placed { sensor_from_object, object_from_sensor, .. } = &self.placed[object];
+        Some(RightAngles { solid: convex.right_angled()?, sensor_from_object, object_from_sensor })
     }
 
     fn roundness(&self, object: usize) -> Option<Round> {

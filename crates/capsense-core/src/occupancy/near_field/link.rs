@@ -26,6 +26,24 @@ pub(super) struct Unlinked {
     pub(super) potentials: Option<[f64; POINTS]>,
 }
 
+impl Unlinked {
+    /// Of no node yet. The last of its points never is anything's neighbour.
+    pub(super) const NONE: Self = Self {
+        node: 0,
+        sides: 0,
+        at: AtWedge::NONE,
+        share: 0.0,
+        of_negative: 0.0,
+        length: 1.0,
+        area: 1.0,
+        places: Places::ORIGIN,
+        areas: [0.0; POINTS],
+        distances: [1.0; POINTS],
+        radius: f64::INFINITY,
+        potentials: None,
+    };
+}
+
 /// Nodes whose links are found with the widest instructions of this machine; none of them fuses or reorders operations, so
 /// that links are the same on every machine. A closure in its place is not compiled for them.
 pub(super) struct FindLinks<'a>(pub(super) &'a mut [Unlinked]);

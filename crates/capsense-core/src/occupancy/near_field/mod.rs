@@ -16,11 +16,13 @@
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
+mod angles;
 mod field;
 mod link;
 mod round;
 mod star;
 
+pub use angles::{RightAngled, RightAngles};
 pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
@@ -102,8 +104,9 @@ pub(super) struct Wedges {
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
-    /// Nodes whose links are to be found.
+    /// Room for nodes whose links are to be found, and how many these are.
     unlinked: Vec<Unlinked>,
+    waiting: usize,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
@@ -124,6 +127,7 @@ impl Wedges {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
             self.stars = Stars::of(lattice);
+            self.unlinked.resize(TOGETHER, Unlinked::NONE);
         }
         if self.at.is_empty() {
             return;
@@ -143,16 +147,14 @@ impl Wedges {
                 return;
             }
             let star = self.stars.at(lattice, node);
-            match scene.linked(&star, conductors) {
-                Some(unlinked) => self.unlinked.push(unlinked),
-                None => self.settle(
-                    node,
-                    star.sides(),
-                    AtWedge { is_beside: scene.is_beside(&star), ..AtWedge::NONE },
-                ),
-            }
-            if self.unlinked.len() == TOGETHER {
-                self.link();
+            if scene.is_linked(&star, conductors, &mut self.unlinked[self.waiting]) {
+                self.waiting += 1;
+                if self.waiting == TOGETHER {
+                    self.link();
+                }
+            } else {
+                let (sides, is_beside) = (star.sides(), scene.is_beside(&star));
+                self.settle(node, sides, AtWedge { is_beside, ..AtWedge::NONE });
             }
         });
         self.link();
@@ -161,9 +163,10 @@ impl Wedges {
 
     /// Finds the links that are missing.
     fn link(&mut self) {
-        pulp::Arch::new().dispatch(FindLinks(&mut self.unlinked));
         let mut unlinked = std::mem::take(&mut self.unlinked);
-        for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
+        let found = &mut unlinked[..std::mem::take(&mut self.waiting)];
+        pulp::Arch::new().dispatch(FindLinks(found));
+        for &mut Unlinked { node, sides, at, .. } in found {
             self.settle(node, sides, at);
         }
         self.unlinked = unlinked;
@@ -227,40 +230,35 @@ impl Scene<'_> {
         self.has_edges_in(&star.bounds())
     }
 
-    /// What a node that is near an edge of a conductor makes of it, but for the link. `conductors` are those that hold
-    /// nodes.
-    fn linked(&self, star: &Star<'_>, conductors: &[u16]) -> Option<Unlinked> {
+    /// Whether a node is near an edge of a conductor, or a round one, and if so, what it makes of it, but for the link.
+    /// `conductors` are those that hold nodes.
+    fn is_linked(&self, star: &Star<'_>, conductors: &[u16], unlinked: &mut Unlinked) -> bool {
         if self.mesh.terminals[star.node] != FREE {
-            return None;
+            return false;
         }
-        let (object, near, share) = self.nearest(star.node, star)?;
-        let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
-        let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
+        let Some((object, near, share)) = self.nearest(star.node, star) else { return false };
+        let Some((_, length)) = star.neighbour(CARRIER, true) else { return false };
+        if !self.is_homogeneous(star) {
+            return false;
+        }
         let longest = star.longest();
         let [thickness, breadth] = near.thickness_and_breadth();
         let is_all = share >= 1.0 && thickness >= longest;
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
-        let at = AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
-        let mut unlinked = Unlinked {
-            node: star.node,
-            sides: star.sides(),
-            at,
-            share,
-            of_negative: (breadth / longest - 1.0).clamp(0.0, 1.0),
-            length,
-            area,
-            places: Places::default(),
-            areas: [0.0; POINTS],
-            distances: [1.0; POINTS],
-            radius: f64::INFINITY,
-            potentials: None,
-        };
+        unlinked.node = star.node;
+        unlinked.sides = star.sides();
+        unlinked.at =
+            AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
+        unlinked.share = share;
+        unlinked.of_negative = (breadth / longest - 1.0).clamp(0.0, 1.0);
+        unlinked.length = length;
+        unlinked.area = star.area(CARRIER);
         match &near {
-            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, &mut unlinked),
-            Near::Round(round) => self.look_around_round(star, object, round, conductors, &mut unlinked),
+            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, unlinked),
+            Near::Round(round) => self.look_around_round(star, object, round, conductors, unlinked),
         }
-        Some(unlinked)
+        true
     }
 
     /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links.
@@ -290,8 +288,10 @@ impl Scene<'_> {
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
     fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
-        if let Some(angle) = self.surfaces.right_angle_within(object, point, reach) {
-            return Some((Near::Edge(angle), share_of(cells, &angle)));
+        if let Some(angles) = self.surfaces.right_angles(object) {
+            let angle = angles.nearest(point)?;
+            let is_near = (angle.place - point).abs().cmple(reach).all();
+            return is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)));
         }
         let round = self.surfaces.roundness(object)?;
         Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
@@ -318,35 +318,33 @@ impl Scene<'_> {
 
     /// Finds where a node and its neighbours are by a right angle, how far these are, and of the edges that lead to those
     /// which the conductor does not cut off the areas of the dual faces.
+    #[inline(always)]
     fn look_around_edge(
         &self,
         star: &Star<'_>,
         object: usize,
         angle: &RightAngle,
         conductors: &[u16],
-        Unlinked { places, areas, distances, radius, .. }: &mut Unlinked,
+        Unlinked { places, areas, distances, radius, potentials, .. }: &mut Unlinked,
     ) {
-        *radius = angle.radius;
+        (*radius, *potentials) = (angle.radius, None);
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
-        let [p, q, along] = [angle.normals[0], angle.normals[1], angle.along()];
-        let widths = [star.width(0), star.width(1), star.width(2)];
+        let slopes = [angle.normals[0], angle.normals[1], angle.along()].map(|slope| slope.to_array());
         places.set(0, own);
         for axis in 0..3 {
-            for upwards in [false, true] {
-                let neighbour = 1 + 2 * axis + usize::from(upwards);
-                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
-                let step = if upwards { distance } else { -distance };
-                places.set(
-                    neighbour,
-                    [own[0] + step * p[axis], own[1] + step * q[axis], own[2] + step * along[axis]],
-                );
-                let is_seen = places.see_each_other(0, neighbour)
-                    || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
-                if is_seen && usize::from(conductors[node]) != object {
-                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
-                    distances[neighbour] = distance;
-                }
+            let area = star.area(axis);
+            for side in 0..2 {
+                let neighbour = 1 + 2 * axis + side;
+                let (node, step) = star.step(axis, side);
+                let place = |coordinate: usize| own[coordinate] + step * slopes[coordinate][axis];
+                places.set(neighbour, [place(0), place(1), place(2)]);
+                let is_seen = step != 0.0
+                    && usize::from(conductors[node]) != object
+                    && (places.see_each_other(0, neighbour)
+                        || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none());
+                areas[neighbour] = if is_seen { area } else { 0.0 };
+                distances[neighbour] = if is_seen { step.abs() } else { 1.0 };
             }
         }
     }
@@ -361,21 +359,19 @@ impl Scene<'_> {
         Unlinked { potentials, areas, distances, .. }: &mut Unlinked,
     ) {
         let point = self.mesh.nodes[star.node];
-        let widths = [star.width(0), star.width(1), star.width(2)];
         let potentials = potentials.insert([0.0; POINTS]);
         potentials[0] = round.potential(point);
         for axis in 0..3 {
-            for upwards in [false, true] {
-                let neighbour = 1 + 2 * axis + usize::from(upwards);
-                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
+            for side in 0..2 {
+                let neighbour = 1 + 2 * axis + side;
+                let (node, step) = star.step(axis, side);
                 let other = self.mesh.nodes[node];
-                if usize::from(conductors[node]) != object
-                    && self.surfaces.span(object, point, other).is_none()
-                {
-                    potentials[neighbour] = round.potential(other);
-                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
-                    distances[neighbour] = distance;
-                }
+                let is_seen = step != 0.0
+                    && usize::from(conductors[node]) != object
+                    && self.surfaces.span(object, point, other).is_none();
+                potentials[neighbour] = if is_seen { round.potential(other) } else { 0.0 };
+                areas[neighbour] = if is_seen { star.area(axis) } else { 0.0 };
+                distances[neighbour] = if is_seen { step.abs() } else { 1.0 };
             }
         }
     }
@@ -421,8 +417,9 @@ impl Scene<'_> {
     /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q.
     fn slope_from(&self, object: u16, potential: f64, nodes: [u32; 2]) -> f64 {
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
-        let Some(angle) = self.surfaces.right_angle_near(object.into(), from) else { return 0.0 };
-        let mut place = Places::<1>::default();
+        let angles = self.surfaces.right_angles(object.into());
+        let Some(angle) = angles.and_then(|angles| angles.nearest(from)) else { return 0.0 };
+        let mut place = Places::<1>::ORIGIN;
         place.set(0, angle.coordinates(to));
         let [other] = place.potentials(angle.radius);
         other / potential - 1.0
