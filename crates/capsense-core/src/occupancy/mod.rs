@@ -37,7 +37,7 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::Wedges;
+use near_field::{KnownField, Wedges};
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -122,6 +122,7 @@ struct Scene<'a> {
     materials: &'a [Material],
     surfaces: &'a dyn Surfaces,
     bounds: &'a [Aabb],
+    fields: &'a [KnownField],
     /// Whether there are weak dielectrics on a lattice.
     has_weak: bool,
     /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
@@ -249,9 +250,9 @@ impl Occupancy {
         let changes = std::mem::take(&mut self.changes);
         let has_weak = parallel::is_of_use(mesh.edges, materials);
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
-        let bounds = changes.bounds();
+        let (bounds, fields) = (changes.bounds(), changes.fields());
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
-        let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
+        let scene = Scene { mesh, materials, surfaces, bounds, fields, has_weak, has_silhouettes, has_faces };
         // What was left beside surfaces in the frame before goes with them.
         let looks_beside = has_weak || has_faces;
         let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;

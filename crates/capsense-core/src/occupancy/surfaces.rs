@@ -54,7 +54,7 @@ pub trait Surfaces {
     }
 
     /// Where faces of an object meet at right angles, if they do.
-    fn right_angles(&self, _object: usize) -> Option<RightAngles<'_>> {
+    fn right_angles(&self, _object: usize) -> Option<RightAngles> {
         None
     }
 

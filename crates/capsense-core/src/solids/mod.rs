@@ -289,9 +289,9 @@ impl Surfaces for Solids {
         }
     }
 
-    fn right_angles(&self, object: usize) -> Option<RightAngles<'_>> {
+    fn right_angles(&self, object: usize) -> Option<RightAngles> {
         let Body::Convex(convex) = &self.solids[object].body else { return None };
-        let Placed { sensor_from_object, object_from_sensor, .. } = &self.placed[object];
+        let Placed { sensor_from_object, object_from_sensor, .. } = self.placed[object];
         Some(RightAngles { solid: convex.right_angled()?, sensor_from_object, object_from_sensor })
     }
 

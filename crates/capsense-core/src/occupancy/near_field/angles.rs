@@ -19,21 +19,21 @@ pub enum RightAngled {
 }
 
 /// The right angles of a solid at a pose.
-#[derive(Clone, Copy, Debug)]
-pub struct RightAngles<'a> {
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RightAngles {
     /// The solid in its own frame.
     pub solid: RightAngled,
     /// Its pose, a rotation and a translation.
-    pub sensor_from_object: &'a DAffine3,
+    pub sensor_from_object: DAffine3,
     /// The inverse of the rotation.
-    pub object_from_sensor: &'a DMat3,
+    pub object_from_sensor: DMat3,
 }
 
-impl RightAngles<'_> {
+impl RightAngles {
     /// The edge that is nearest to a point of the sensor frame; `None` where that is all of a rim.
     #[inline(always)]
     pub fn nearest(&self, point: DVec3) -> Option<RightAngle> {
-        let local = *self.object_from_sensor * (point - self.sensor_from_object.translation);
+        let local = self.object_from_sensor * (point - self.sensor_from_object.translation);
         match self.solid {
             RightAngled::Box(half) => Some(self.nearest_of_box(half, local)),
             RightAngled::Cylinder { radius, half_length } => self.rim(radius, half_length, local),

@@ -31,7 +31,7 @@ pub(super) use star::{FAR, grown};
 
 use super::coupling::Coupling;
 use super::index_set::IndexSet;
-use super::{NO_OBJECT, Scene};
+use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
@@ -76,6 +76,24 @@ impl AtWedge {
     /// Whether nothing but the wedge, or the conductor that holds it, matters at this end of an edge.
     fn is_all_to(&self, owner: u16) -> bool {
         self.is_all || owner != NO_OBJECT
+    }
+}
+
+/// What is known of the field around an object, were it a conductor.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum KnownField {
+    None,
+    Edges(RightAngles),
+    Round(Round),
+}
+
+impl KnownField {
+    pub(super) fn around(surfaces: &dyn Surfaces, object: usize) -> Self {
+        match (surfaces.right_angles(object), surfaces.roundness(object)) {
+            (Some(angles), _) => Self::Edges(angles),
+            (None, Some(round)) => Self::Round(round),
+            (None, None) => Self::None,
+        }
     }
 }
 
@@ -288,13 +306,17 @@ impl Scene<'_> {
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
     fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
-        if let Some(angles) = self.surfaces.right_angles(object) {
-            let angle = angles.nearest(point)?;
-            let is_near = (angle.place - point).abs().cmple(reach).all();
-            return is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)));
+        match &self.fields[object] {
+            KnownField::None => None,
+            KnownField::Edges(angles) => {
+                let angle = angles.nearest(point)?;
+                let is_near = (angle.place - point).abs().cmple(reach).all();
+                is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
+            }
+            KnownField::Round(round) => {
+                Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
+            }
         }
-        let round = self.surfaces.roundness(object)?;
-        Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
     }
 
     /// Whether the background is the same all around a node.
@@ -417,8 +439,8 @@ impl Scene<'_> {
     /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q.
     fn slope_from(&self, object: u16, potential: f64, nodes: [u32; 2]) -> f64 {
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
-        let angles = self.surfaces.right_angles(object.into());
-        let Some(angle) = angles.and_then(|angles| angles.nearest(from)) else { return 0.0 };
+        let KnownField::Edges(angles) = &self.fields[usize::from(object)] else { return 0.0 };
+        let Some(angle) = angles.nearest(from) else { return 0.0 };
         let mut place = Places::<1>::ORIGIN;
         place.set(0, angle.coordinates(to));
         let [other] = place.potentials(angle.radius);
@@ -431,6 +453,11 @@ pub(super) trait Cells {
     /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
     fn cells_to(&self, point: DVec3) -> f64;
 
+    /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
+    fn is_next(&self, _point: DVec3) -> bool {
+        false
+    }
+
     /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
     fn reach(&self) -> DVec3;
 
@@ -439,19 +466,26 @@ pub(super) trait Cells {
 }
 
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
+#[inline(always)]
 fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let part = part_at(cells, angle.place);
     if part <= 0.0 {
         return 0.0;
     }
     let size = cells.size_along(angle.along());
-    let from_ends = (angle.inside / size).clamp(0.0, 1.0);
-    let is_straight = (angle.radius / size - 1.0).clamp(0.0, 1.0);
+    // Most are far from ends, and most edges straight: no divisions for these.
+    let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
+    let is_straight =
+        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
     part * from_ends * is_straight
 }
 
 /// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
+#[inline(always)]
 fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
+    if cells.is_next(place) {
+        return 1.0;
+    }
     let part = ((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0);
     part * part * (3.0 - 2.0 * part)
 }

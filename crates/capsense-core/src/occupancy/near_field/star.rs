@@ -168,6 +168,11 @@ impl Cells for Star<'_> {
     }
 
     #[inline]
+    fn is_next(&self, point: DVec3) -> bool {
+        self.bounds().contains(point)
+    }
+
+    #[inline]
     fn reach(&self) -> DVec3 {
         let [x, y, z] = self.planes;
         DVec3::new(x.reach, y.reach, z.reach)
