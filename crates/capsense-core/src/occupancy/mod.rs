@@ -37,7 +37,7 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::{KnownField, Wedges};
+use near_field::{Changed, KnownField, Wedges};
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -109,6 +109,8 @@ struct Scratch {
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
     edges: IndexSet,
+    /// Edges of which the link that they carry is another, and nothing else if they are not among those above.
+    relinked: IndexSet,
     /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
@@ -206,6 +208,7 @@ impl Occupancy {
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edges: IndexSet::below(edges),
+                relinked: IndexSet::below(edges),
                 edge_seen: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
@@ -325,18 +328,29 @@ impl Occupancy {
             let around = parallel::up_to_planes(mesh.edges, region);
             mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
         }
-        wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
+        let mut relinked = std::mem::take(&mut self.scratch.relinked);
+        wedges.for_changed_edges(mesh.edges, |edge, ends, changed| {
+            if edges.contains(edge) {
+                return;
+            }
             let owners = ends.map(|node| self.conductor[node as usize]);
-            let is_plain = self.couplings[edge] == Coupling::PLAIN;
-            if is_linked || !is_plain || wedges.may_be_beside(ends, owners) {
-                edges.insert(edge);
+            let is_beside = || wedges.may_be_beside(ends, owners);
+            match changed {
+                Changed::Ends if !is_beside() && self.couplings[edge] == Coupling::PLAIN => {}
+                Changed::LinkAlone if !is_beside() => relinked.insert(edge),
+                _ => edges.insert(edge),
             }
         });
         let mut links_lost = false;
-        edges.drain(|edge| {
-            links_lost |= self.update_edge(scene, wedges, edge, mesh.edges.ends_of_existing(edge));
+        edges.drain_with(&mut relinked, |edge, is_looked_at| {
+            let ends = mesh.edges.ends_of_existing(edge);
+            links_lost |= if is_looked_at {
+                self.update_edge(scene, wedges, edge, ends)
+            } else {
+                self.couple(edge, ends, wedges.relinked(edge, self.couplings[edge]))
+            };
         });
-        self.scratch.edges = edges;
+        (self.scratch.edges, self.scratch.relinked) = (edges, relinked);
         links_lost
     }
 
@@ -385,10 +399,14 @@ impl Occupancy {
     /// Couples an edge and returns whether it had a link and has none now.
     fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
         let node_changed = &self.scratch.node_changed;
-        let before = std::mem::replace(&mut self.couplings[edge], coupling);
+        let before = self.couplings[edge];
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
-        if moved || !coupling.is(&before) {
+        let is_other = !coupling.is(&before);
+        if moved || is_other {
             self.replaced.push((edge as u32, before));
+        }
+        if is_other {
+            self.couplings[edge] = coupling;
         }
         if coupling.is_linked() && !before.is_linked() {
             self.linked_edges.add(edge as u32);

@@ -65,6 +65,7 @@ struct EndBeside {
 }
 
 impl Tube {
+    #[inline(always)]
     fn of(lattice: &Lattice, edge: usize) -> Option<Self> {
         let (node, axis) = (edge / 3, edge % 3);
         let place = lattice.node_place(node);
