@@ -26,7 +26,7 @@ pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
-pub use surfaces::{Span, Surfaces};
+pub use surfaces::{Frame, Span, Surfaces};
 
 use crate::geometry::Aabb;
 use crate::material::Material;
@@ -37,7 +37,7 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::{Changed, KnownField, Wedges};
+use near_field::{KnownField, Wedges};
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -109,8 +109,10 @@ struct Scratch {
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
     edges: IndexSet,
-    /// Edges of which the link that they carry is another, and nothing else if they are not among those above.
-    relinked: IndexSet,
+    /// Edges around which something differs. If they are not among those above, surfaces cut them as before.
+    around: IndexSet,
+    /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
+    is_met: Vec<bool>,
     /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
@@ -208,7 +210,8 @@ impl Occupancy {
                 breaks: Vec::new(),
                 node_changed: vec![false; nodes],
                 edges: IndexSet::below(edges),
-                relinked: IndexSet::below(edges),
+                around: IndexSet::below(edges),
+                is_met: vec![false; edges],
                 edge_seen: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
@@ -328,65 +331,78 @@ impl Occupancy {
             let around = parallel::up_to_planes(mesh.edges, region);
             mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
         }
-        let mut relinked = std::mem::take(&mut self.scratch.relinked);
-        wedges.for_changed_edges(mesh.edges, |edge, ends, changed| {
-            if edges.contains(edge) {
+        let mut around = std::mem::take(&mut self.scratch.around);
+        wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
+            if around.contains(edge) {
                 return;
             }
             let owners = ends.map(|node| self.conductor[node as usize]);
-            let is_beside = || wedges.may_be_beside(ends, owners);
-            match changed {
-                Changed::Ends if !is_beside() && self.couplings[edge] == Coupling::PLAIN => {}
-                Changed::LinkAlone if !is_beside() => relinked.insert(edge),
-                _ => edges.insert(edge),
+            if is_linked || wedges.may_be_beside(ends, owners) || self.couplings[edge] != Coupling::PLAIN {
+                around.insert(edge);
             }
         });
         let mut links_lost = false;
-        edges.drain_with(&mut relinked, |edge, is_looked_at| {
+        edges.drain_with(&mut around, |edge, is_cut_anew| {
             let ends = mesh.edges.ends_of_existing(edge);
-            links_lost |= if is_looked_at {
+            links_lost |= if is_cut_anew || scene.has_weak || self.scratch.is_met[edge] {
                 self.update_edge(scene, wedges, edge, ends)
             } else {
-                self.couple(edge, ends, wedges.relinked(edge, self.couplings[edge]))
+                self.scratch.spans.clear();
+                self.update_around(scene, wedges, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN)
             };
         });
-        (self.scratch.edges, self.scratch.relinked) = (edges, relinked);
+        (self.scratch.edges, self.scratch.around) = (edges, around);
         links_lost
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
+        let Scratch { spans, beside, breaks, edge_seen, frame, is_met, .. } = &mut self.scratch;
         edge_seen[edge] = *frame;
         scene.find_spans(ends, spans);
         for contact in scene.contacts(ends, spans) {
             self.touches.add(Touch { place: edge as u32, contact });
         }
         let owners = ends.map(|node| self.conductor[node as usize]);
+        let is_free = owners == [NO_OBJECT; 2];
         let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
-        let coupling = match parallel.flatten() {
+        if let Some(through) = parallel.flatten() {
+            is_met[edge] = true;
+            return self.couple(edge, ends, Coupling::only_through(through));
+        }
+        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
+        let in_face = in_face.flatten();
+        is_met[edge] = in_face.is_some() || !spans.is_empty() || !is_free;
+        let cut = match in_face {
             Some(through) => Coupling::only_through(through),
             None => {
                 let background = scene.mesh.permittivity.at(edge);
-                let in_face = (scene.has_faces && owners == [NO_OBJECT; 2])
-                    .then(|| scene.in_face(edge, spans, beside, breaks));
-                let cut = match in_face.flatten() {
-                    Some(through) => Coupling::only_through(through),
-                    None => {
-                        let rule = EdgeRule { owners, spans, materials: scene.materials, background };
-                        rule.coupling(breaks)
-                    }
-                };
-                let covered = if wedges.may_be_beside(ends, owners) {
-                    scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
-                } else {
-                    cut
-                };
-                match wedges.between(ends) {
-                    Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
-                    None => covered,
-                }
+                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
             }
+        };
+        self.update_around(scene, wedges, (edge, ends), owners, cut)
+    }
+
+    /// Couples an edge by what the edge rule makes of it and what is around it, its spans being those found last, and
+    /// returns whether it had a link and has none now.
+    #[inline]
+    fn update_around(
+        &mut self,
+        scene: &Scene<'_>,
+        wedges: &Wedges,
+        (edge, ends): (usize, [u32; 2]),
+        owners: [u16; 2],
+        cut: Coupling,
+    ) -> bool {
+        let covered = if wedges.may_be_beside(ends, owners) {
+            let Scratch { spans, beside, breaks, .. } = &mut self.scratch;
+            scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
+        } else {
+            cut
+        };
+        let coupling = match wedges.between(ends) {
+            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
+            None => covered,
         };
         if let Some(unstructured) = &mut self.unstructured {
             let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);

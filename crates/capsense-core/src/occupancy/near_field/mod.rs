@@ -114,17 +114,6 @@ impl Near {
     }
 }
 
-/// What may have changed of an edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Changed {
-    /// What its ends make of it. Without a link it only changes if it is not plain, or walls of conductors may pass beside it.
-    Ends,
-    /// Also the link of its first end that it carries.
-    Link,
-    /// Only that link, which is all that leads from this end to conductors; unless walls may pass beside the edge.
-    LinkAlone,
-}
-
 /// What all nodes make of edges of conductors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Wedges {
@@ -136,8 +125,8 @@ pub(super) struct Wedges {
     /// Room for nodes whose links are to be found, and how many these are.
     unlinked: Vec<Unlinked>,
     waiting: usize,
-    /// Nodes whose links changed, and whether nothing else did and they have no others.
-    relinked: Vec<(u32, bool)>,
+    /// Nodes whose links changed.
+    relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
     /// of their edges exist.
     around: Vec<(u32, u8)>,
@@ -206,20 +195,20 @@ impl Wedges {
         let before = std::mem::replace(&mut self.at[node], now);
         let has_same_share = before.has_share_of(&now);
         if !has_same_share || before.link.to_bits() != now.link.to_bits() {
-            self.relinked.push((node as u32, has_same_share && now.share == 1.0));
+            self.relinked.push(node as u32);
         }
         if !has_same_share || before.is_beside || now.is_beside {
             self.around.push((node as u32, sides));
         }
     }
 
-    /// Visits the edges that the last update may have changed, some several times, with what of them that was.
-    pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], Changed)) {
+    /// Visits the edges that the last update may have changed, some several times, and tells whether they carry a link
+    /// that it changed. Others only change if they are not plain, or walls of conductors may pass beside them.
+    pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
         let Edges::Lattice(lattice) = edges else { return };
-        for &(node, is_alone) in &self.relinked {
+        for &node in &self.relinked {
             let edge = 3 * node as usize + CARRIER;
-            let changed = if is_alone { Changed::LinkAlone } else { Changed::Link };
-            visit(edge, edges.ends_of_existing(edge), changed);
+            visit(edge, edges.ends_of_existing(edge), true);
         }
         let strides = lattice.strides();
         for &(node, sides) in &self.around {
@@ -227,10 +216,10 @@ impl Wedges {
             for (axis, stride) in strides.into_iter().enumerate() {
                 let sides = sides >> (2 * axis);
                 if sides & 1 != 0 {
-                    visit(3 * (node - stride) + axis, [(node - stride) as u32, node as u32], Changed::Ends);
+                    visit(3 * (node - stride) + axis, [(node - stride) as u32, node as u32], false);
                 }
                 if sides & 2 != 0 {
-                    visit(3 * node + axis, [node as u32, (node + stride) as u32], Changed::Ends);
+                    visit(3 * node + axis, [node as u32, (node + stride) as u32], false);
                 }
             }
         }
@@ -244,13 +233,6 @@ impl Wedges {
         let [is_all_a, is_all_b] = [a.is_all_to(owners[0]), b.is_all_to(owners[1])];
         // All that is beside an edge is among the cells around either of its ends.
         (a.is_beside || is_all_a) && (b.is_beside || is_all_b) && !(is_all_a && is_all_b)
-    }
-
-    /// What becomes of an edge of which only the link that it carries is another, see [`Changed::LinkAlone`].
-    pub(super) fn relinked(&self, edge: usize, before: Coupling) -> Coupling {
-        let AtWedge { object, link, .. } = self.at[edge / 3];
-        let object = if link == 0.0 { NO_OBJECT } else { object };
-        Coupling { factor: [link, before.factor[1]], object: [object, before.object[1]], ..before }
     }
 
     /// What the ends of an edge make of it, if one is near an edge of a conductor.
