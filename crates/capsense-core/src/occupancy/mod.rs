@@ -37,7 +37,7 @@ use coupling::{EdgeRule, touches};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::{KnownField, Wedges};
+use near_field::{KnownField, Row, Wedges};
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -106,6 +106,7 @@ struct Scratch {
     /// The same for lines parallel to it.
     beside: Vec<(u16, Span)>,
     breaks: Vec<f64>,
+    row: Row,
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
     edges: IndexSet,
@@ -208,6 +209,7 @@ impl Occupancy {
                 spans: Vec::new(),
                 beside: Vec::new(),
                 breaks: Vec::new(),
+                row: Row::default(),
                 node_changed: vec![false; nodes],
                 edges: IndexSet::below(edges),
                 around: IndexSet::below(edges),
@@ -395,8 +397,9 @@ impl Occupancy {
         cut: Coupling,
     ) -> bool {
         let covered = if wedges.may_be_beside(ends, owners) {
-            let Scratch { spans, beside, breaks, .. } = &mut self.scratch;
-            scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
+            let Scratch { spans, beside, breaks, row, .. } = &mut self.scratch;
+            let star = wedges.star(ends[0] as usize, row);
+            scene.at_silhouette(&star, edge, owners, spans, beside, breaks, cut)
         } else {
             cut
         };

@@ -21,9 +21,9 @@
 //! deeper inside. Where a conductor has no edge near, nothing is asked.
 
 use super::coupling::{EdgeRule, SMALLEST_PART};
+use super::near_field::Star;
 use super::{Coupling, Frame, NO_OBJECT, Scene, Span};
 use crate::geometry::Aabb;
-use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
@@ -74,22 +74,21 @@ struct EndBeside {
 }
 
 impl Tube {
+    /// That around the edge from a node along an axis.
     #[inline(always)]
-    fn of(lattice: &Lattice, edge: usize) -> Option<Self> {
-        let (node, axis) = (edge / 3, edge % 3);
-        let place = lattice.node_place(node);
-        let planes = lattice.axes();
-        let from = DVec3::new(planes[0][place[0]], planes[1][place[1]], planes[2][place[2]]);
+    fn of(star: &Star<'_>, axis: usize) -> Option<Self> {
+        let (from, [_, length]) = (star.place(), star.ways(axis));
+        if length == 0.0 {
+            return None;
+        }
         let mut to = from;
-        to[axis] = *planes[axis].get(place[axis] + 1)?;
-        let length = to[axis] - from[axis];
+        to[axis] = star.next(axis);
         let across = |axis: usize| {
-            let (planes, index) = (&planes[axis], place[axis]);
-            let below = if index > 0 { 0.5 * (planes[index] - planes[index - 1]) } else { 0.0 };
-            let above = planes.get(index + 1).map_or(0.0, |next| 0.5 * (next - planes[index]));
+            let widths = star.ways(axis).map(|way| 0.5 * way);
+            let [below, above] = widths;
             // No further than to the next node: up to there what changed is looked for.
             let most = if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) };
-            Across { axis, widths: [below, above], fringe: (FRINGE * length.max(below + above)).min(most) }
+            Across { axis, widths, fringe: (FRINGE * length.max(below + above)).min(most) }
         };
         Some(Self { from, to, length, across: [across((axis + 1) % 3), across((axis + 2) % 3)] })
     }
@@ -162,10 +161,11 @@ impl Scene<'_> {
     }
 
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
-    /// spans of the edge, `others` working storage.
+    /// spans of the edge, `star` what is around its first node, `others` working storage.
     #[inline(never)]
     pub(super) fn at_silhouette(
         &self,
+        star: &Star<'_>,
         edge: usize,
         owners: [u16; 2],
         on_edge: &[(u16, Span)],
@@ -173,11 +173,10 @@ impl Scene<'_> {
         breaks: &mut Vec<f64>,
         cut: Coupling,
     ) -> Coupling {
-        let Edges::Lattice(lattice) = self.mesh.edges else { return cut };
         if owners.iter().all(|&owner| owner != NO_OBJECT) {
             return cut;
         }
-        let Some(tube) = Tube::of(lattice, edge) else { return cut };
+        let Some(tube) = Tube::of(star, edge % 3) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
             (Some(&(object, span)), None) if self.has_edge_in(object.into(), &tube.bounds()) => {
@@ -212,7 +211,7 @@ impl Scene<'_> {
                 let missing = (width * (1.0 - reach) - across.fringe).max(0.0);
                 covered += width;
                 if missing > 0.0 {
-                    covered -= missing * self.abruptness(framed, span, side);
+                    covered -= missing * self.abruptness(framed, span, side, reach);
                 }
             }
             least = least.min(covered / across.width());
@@ -222,13 +221,14 @@ impl Scene<'_> {
 
     /// How much of a ray a conductor fills.
     fn width_across(&self, framed: &Framed<'_>, from: DVec3, ray: DVec3) -> f64 {
-        self.surfaces.span_in_frame(framed.object, from, from + ray).map_or(0.0, |span| span.exit - span.enter)
+        self.surfaces
+            .span_in_frame(framed.object, from, from + ray)
+            .map_or(0.0, |span| span.exit - span.enter)
     }
 
     /// Whether the face of a conductor ends at a wall along the edge: one if the conductor is as wide close to the face as
-    /// in the middle of what the edge meets of it, zero if it is half as wide.
-    fn abruptness(&self, framed: &Framed<'_>, span: Span, ray: DVec3) -> f64 {
-        let middle = self.width_across(framed, framed.point_in(span, 0.5), ray);
+    /// in the `middle` of what the edge meets of it, zero if it is half as wide.
+    fn abruptness(&self, framed: &Framed<'_>, span: Span, ray: DVec3, middle: f64) -> f64 {
         let faces =
             [(span.enter > 0.0, 0.1), (span.exit < 1.0, 0.9)].into_iter().filter(|(is_face, _)| *is_face);
         let widths = faces.map(|(_, part)| self.width_across(framed, framed.point_in(span, part), ray));
@@ -270,36 +270,38 @@ impl Scene<'_> {
         let width = across.widths[side];
         let reach = 1.0 + across.fringe / width;
         let ray = reach * ray;
-        let (middle, half) =
-            (framed.from + 0.5 * (framed.way + ray), 0.5 * (framed.way.abs() + ray.abs()));
+        let (middle, half) = (framed.from + 0.5 * (framed.way + ray), 0.5 * (framed.way.abs() + ray.abs()));
         if self.surfaces.misses(framed.object, middle, half) {
             return Beside::default();
         }
-        let Some((span, found)) = self.probe(framed, ray) else { return Beside::default() };
+        let Some((span, found, middle)) = self.probe(framed, ray) else { return Beside::default() };
         let place = |part: f64| part * reach * width;
         let distance = place(found.enter);
         // Near the edge the fringe fills some of the box behind it.
         let start = (distance - across.fringe).max(-across.widths[1 - side]);
         let covered = (place(found.exit).min(width) - start).max(0.0) / across.width();
-        let part = covered * self.abruptness(framed, span, ray);
+        let part = covered * self.abruptness(framed, span, ray, middle);
         let [before, behind] = [span.enter, 1.0 - span.exit];
         let from = tube.link_beside([before, behind], distance);
         let to = tube.link_beside([behind, before], distance);
         Beside { taken: part * from.taken.max(to.taken), links: [part * from.link, part * to.link] }
     }
 
-    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it. One
-    /// that is too thin to reach the side is found where it passes an end of the edge.
-    fn probe(&self, framed: &Framed<'_>, ray: DVec3) -> Option<(Span, Span)> {
+    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it, and how
+    /// much it fills of a ray in the middle of the former. One that is too thin to reach the side is found where it passes
+    /// an end of the edge.
+    fn probe(&self, framed: &Framed<'_>, ray: DVec3) -> Option<(Span, Span, f64)> {
         let &Framed { object, from, way, .. } = framed;
         let span = |from: DVec3, way: DVec3| self.surfaces.span_in_frame(object, from, from + way);
         if let Some(along) = span(from + ray, way) {
-            return Some((along, span(framed.point_in(along, 0.5), ray)?));
+            let across = span(framed.point_in(along, 0.5), ray)?;
+            return Some((along, across, across.exit - across.enter));
         }
         [from, from + way].into_iter().find_map(|end| {
             let across = span(end, ray)?;
             let offset = 0.5 * (across.enter + across.exit) * ray;
-            Some((span(from + offset, way)?, across))
+            let along = span(from + offset, way)?;
+            Some((along, across, self.width_across(framed, framed.point_in(along, 0.5), ray)))
         })
     }
 }

@@ -223,12 +223,12 @@ impl Placed {
         self.object_from_sensor * (point - self.sensor_from_object.translation)
     }
 
-    /// Whether a segment of the solid's frame, given by its middle and the way from there to its end, meets a box: neither
-    /// one of the box's axes nor one across the segment parts them.
+    /// Whether a segment, given by its middle in the solid's frame and the way from there to its end in the sensor's, meets a
+    /// box: neither one of the box's axes nor one across the segment parts them.
+    #[inline(always)]
     fn is_segment_in(&self, middle: DVec3, way: DVec3, bounds: &Aabb) -> bool {
         let half = 0.5 * bounds.size();
         let from_centre = self.sensor_from_object.transform_point3(middle) - 0.5 * (bounds.min + bounds.max);
-        let way = self.sensor_from_object.matrix3 * way;
         let reach = way.abs();
         let across = half.zxy() * reach.yzx() + half.yzx() * reach.zxy();
         from_centre.abs().cmple(half + reach).all() && from_centre.cross(way).abs().cmple(across).all()
@@ -293,7 +293,8 @@ impl Surfaces for Solids {
         let is_in = || self.solids[object].edges.is_in(&placed.sensor_from_object, bounds);
         match &self.solids[object].body {
             Body::Convex(convex) => {
-                let is_met = |middle, way| placed.is_segment_in(middle, way, bounds);
+                let along = |axis| convex.half_size()[axis] * placed.sensor_from_object.matrix3.col(axis);
+                let is_met = |middle, axis| placed.is_segment_in(middle, along(axis), bounds);
                 convex.has_edge_near(centre, half)
                     && convex.any_straight_edge_near(centre, half, is_met).unwrap_or_else(is_in)
             }

@@ -18,9 +18,8 @@ pub(super) struct Unlinked {
     pub(super) length: f64,
     pub(super) area: f64,
     pub(super) places: Places,
-    /// Of the edges to the neighbours that are seen, and how far these are.
-    pub(super) areas: [f64; POINTS],
-    pub(super) distances: [f64; POINTS],
+    /// Of the edges to the neighbours that are seen: the area of the dual face over the distance.
+    pub(super) weights: [f64; POINTS],
     /// Of the edge; or, before a round surface, the potentials themselves.
     pub(super) radius: f64,
     pub(super) potentials: Option<[f64; POINTS]>,
@@ -37,8 +36,7 @@ impl Unlinked {
         length: 1.0,
         area: 1.0,
         places: Places::ORIGIN,
-        areas: [0.0; POINTS],
-        distances: [1.0; POINTS],
+        weights: [0.0; POINTS],
         radius: f64::INFINITY,
         potentials: None,
     };
@@ -60,16 +58,12 @@ impl pulp::NullaryFnOnce for FindLinks<'_> {
 }
 
 impl Unlinked {
-    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
+    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), w being areas over distances.
     #[inline(always)]
     fn link(&mut self) {
         let potentials = self.potentials.unwrap_or_else(|| self.places.potentials(self.radius));
         let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        let mut weights = [0.0; POINTS];
-        for (weight, (area, distance)) in weights.iter_mut().zip(self.areas.iter().zip(&self.distances)) {
-            *weight = area / distance;
-        }
-        for (weight, potential) in weights.into_iter().zip(potentials) {
+        for (weight, potential) in self.weights.into_iter().zip(potentials) {
             sum += weight * potential;
             of_weights += weight;
             highest = f64::max(highest, potential);

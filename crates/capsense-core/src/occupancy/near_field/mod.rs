@@ -37,7 +37,8 @@ use crate::mesh::Edges;
 use crate::sensor::FREE;
 use glam::DVec3;
 use link::{FindLinks, Unlinked};
-use star::{Star, Stars};
+use star::Stars;
+pub(super) use star::{Row, Star};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -150,7 +151,8 @@ impl Wedges {
         if self.at.is_empty() {
             return;
         }
-        let mut nodes = std::mem::take(&mut self.nodes);
+        let (mut nodes, stars) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.stars));
+        let mut row = Row::default();
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
@@ -159,12 +161,12 @@ impl Wedges {
             if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
                 let at = AtWedge::NONE;
                 if self.at[node] != at {
-                    let sides = self.stars.at(lattice, node).sides();
+                    let sides = stars.at(node, &mut row).sides();
                     self.settle(node, sides, at);
                 }
                 return;
             }
-            let star = self.stars.at(lattice, node);
+            let star = stars.at(node, &mut row);
             if scene.is_linked(&star, conductors, &mut self.unlinked[self.waiting]) {
                 self.waiting += 1;
                 if self.waiting == TOGETHER {
@@ -176,7 +178,7 @@ impl Wedges {
             }
         });
         self.link();
-        self.nodes = nodes;
+        (self.nodes, self.stars) = (nodes, stars);
     }
 
     /// Finds the links that are missing.
@@ -223,6 +225,12 @@ impl Wedges {
                 }
             }
         }
+    }
+
+    /// What is around a node of a lattice, of which [`Wedges::may_be_beside`] says that something is, best in the row of the
+    /// one before.
+    pub(super) fn star(&self, node: usize, row: &mut Row) -> Star<'_> {
+        self.stars.at(node, row)
     }
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
@@ -338,8 +346,8 @@ impl Scene<'_> {
         is_homogeneous
     }
 
-    /// Finds where a node and its neighbours are by a right angle, how far these are, and of the edges that lead to those
-    /// which the conductor does not cut off the areas of the dual faces.
+    /// Finds where a node and its neighbours are by a right angle, and the weights of the edges that lead to those which the
+    /// conductor does not cut off.
     #[inline(always)]
     fn look_around_edge(
         &self,
@@ -347,7 +355,7 @@ impl Scene<'_> {
         object: usize,
         angle: &RightAngle,
         conductors: &[u16],
-        Unlinked { places, areas, distances, radius, potentials, .. }: &mut Unlinked,
+        Unlinked { places, weights, radius, potentials, .. }: &mut Unlinked,
     ) {
         (*radius, *potentials) = (angle.radius, None);
         let point = self.mesh.nodes[star.node];
@@ -365,8 +373,7 @@ impl Scene<'_> {
                     && usize::from(conductors[node]) != object
                     && (places.see_each_other(0, neighbour)
                         || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none());
-                areas[neighbour] = if is_seen { area } else { 0.0 };
-                distances[neighbour] = if is_seen { step.abs() } else { 1.0 };
+                weights[neighbour] = if is_seen { area * star.inverse(axis, side) } else { 0.0 };
             }
         }
     }
@@ -378,7 +385,7 @@ impl Scene<'_> {
         object: usize,
         round: &RoundNear,
         conductors: &[u16],
-        Unlinked { potentials, areas, distances, .. }: &mut Unlinked,
+        Unlinked { potentials, weights, .. }: &mut Unlinked,
     ) {
         let point = self.mesh.nodes[star.node];
         let potentials = potentials.insert([0.0; POINTS]);
@@ -392,8 +399,7 @@ impl Scene<'_> {
                     && usize::from(conductors[node]) != object
                     && self.surfaces.span(object, point, other).is_none();
                 potentials[neighbour] = if is_seen { round.potential(other) } else { 0.0 };
-                areas[neighbour] = if is_seen { star.area(axis) } else { 0.0 };
-                distances[neighbour] = if is_seen { step.abs() } else { 1.0 };
+                weights[neighbour] = if is_seen { star.area(axis) * star.inverse(axis, side) } else { 0.0 };
             }
         }
     }

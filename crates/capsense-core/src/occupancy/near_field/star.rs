@@ -21,6 +21,8 @@ struct Plane {
     next: [f64; 2],
     /// The cells below and above and those behind them, the nearer first. Where the lattice ends, cells are as the last one.
     cells: [[f64; PLANES]; 2],
+    /// One over the ways; zero where the lattice ends.
+    inverse: [f64; 2],
     /// How far what is less than [`FAR`] cells away may be.
     reach: f64,
     /// Half of the way from one neighbour to the other.
@@ -54,6 +56,7 @@ impl Plane {
             ways,
             next,
             cells: [0, 1].map(|side| [first[side], behind[side].unwrap_or(first[side])]),
+            inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),
             narrowest,
@@ -75,12 +78,19 @@ impl Plane {
     }
 }
 
-/// The planes of a lattice, and the row of nodes that was asked for last.
+/// The planes of a lattice.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Stars {
+pub(in super::super) struct Stars {
     planes: [Vec<Plane>; 3],
-    row: Range<usize>,
-    place: [usize; 3],
+    strides: [usize; 3],
+}
+
+/// The row of nodes that was asked for last.
+#[derive(Clone, Debug, Default)]
+pub(in super::super) struct Row {
+    nodes: Range<usize>,
+    /// Its planes across y and z.
+    place: [usize; 2],
 }
 
 impl Stars {
@@ -89,31 +99,52 @@ impl Stars {
             .axes()
             .each_ref()
             .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
-        Self { planes, row: 0..0, place: [0; 3] }
+        Self { planes, strides: lattice.strides() }
     }
 
     /// A node of the lattice, best in the row of the one before.
     #[inline]
-    pub(super) fn at(&mut self, lattice: &Lattice, node: usize) -> Star<'_> {
-        if !self.row.contains(&node) {
-            self.place = lattice.node_place(node);
-            let start = node - self.place[0];
-            self.row = start..start + lattice.node_counts()[0];
+    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
+        let [x, y, z] = &self.planes;
+        if !row.nodes.contains(&node) {
+            let number = node / x.len();
+            *row = Row {
+                nodes: number * x.len()..(number + 1) * x.len(),
+                place: [number % y.len(), number / y.len()],
+            };
         }
-        self.place[0] = node - self.row.start;
-        let plane = |axis: usize| &self.planes[axis][self.place[axis]];
-        Star { node, strides: lattice.strides(), planes: [plane(0), plane(1), plane(2)] }
+        let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
+        Star { node, strides: self.strides, planes }
     }
 }
 
 /// A node of the lattice and its neighbours.
-pub(super) struct Star<'a> {
+pub(in super::super) struct Star<'a> {
     pub(super) node: usize,
     strides: [usize; 3],
     planes: [&'a Plane; 3],
 }
 
 impl Star<'_> {
+    /// Where the node is.
+    #[inline]
+    pub(in super::super) fn place(&self) -> DVec3 {
+        let [x, y, z] = self.planes;
+        DVec3::new(x.at, y.at, z.at)
+    }
+
+    /// How far the neighbours below and above along an axis are; zero where the lattice ends.
+    #[inline]
+    pub(in super::super) fn ways(&self, axis: usize) -> [f64; 2] {
+        self.planes[axis].ways
+    }
+
+    /// The plane of the neighbour above along an axis.
+    #[inline]
+    pub(in super::super) fn next(&self, axis: usize) -> f64 {
+        self.planes[axis].next[1]
+    }
+
     /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
     #[inline]
     pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
@@ -128,6 +159,12 @@ impl Star<'_> {
         let way = self.planes[axis].ways[side];
         let stride = if way > 0.0 { self.strides[axis] } else { 0 };
         if side == 0 { (self.node - stride, -way) } else { (self.node + stride, way) }
+    }
+
+    /// One over the way to a neighbour; zero where the lattice ends.
+    #[inline]
+    pub(super) fn inverse(&self, axis: usize, side: usize) -> f64 {
+        self.planes[axis].inverse[side]
     }
 
     /// Which of the node's edges exist: a bit for that to the neighbour below along each axis and that above.
