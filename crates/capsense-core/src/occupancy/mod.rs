@@ -399,7 +399,7 @@ impl Occupancy {
         let covered = if wedges.may_be_beside(ends, owners) {
             let Scratch { spans, beside, breaks, row, .. } = &mut self.scratch;
             let star = wedges.star(ends[0] as usize, row);
-            scene.at_silhouette(&star, edge, owners, spans, beside, breaks, cut)
+            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
         } else {
             cut
         };

@@ -165,8 +165,7 @@ impl Scene<'_> {
     #[inline(never)]
     pub(super) fn at_silhouette(
         &self,
-        star: &Star<'_>,
-        edge: usize,
+        (edge, star): (usize, &Star<'_>),
         owners: [u16; 2],
         on_edge: &[(u16, Span)],
         others: &mut Vec<(u16, Span)>,

@@ -35,7 +35,7 @@ use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use link::{FindLinks, Unlinked};
 use star::Stars;
 pub(super) use star::{Row, Star};
@@ -360,14 +360,14 @@ impl Scene<'_> {
         (*radius, *potentials) = (angle.radius, None);
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
-        let slopes = [angle.normals[0], angle.normals[1], angle.along()].map(|slope| slope.to_array());
+        let slopes = DMat3::from_cols(angle.normals[0], angle.normals[1], angle.along()).transpose();
         places.set(0, own);
-        for axis in 0..3 {
+        for (axis, slope) in slopes.to_cols_array_2d().into_iter().enumerate() {
             let area = star.area(axis);
             for side in 0..2 {
                 let neighbour = 1 + 2 * axis + side;
                 let (node, step) = star.step(axis, side);
-                let place = |coordinate: usize| own[coordinate] + step * slopes[coordinate][axis];
+                let place = |coordinate: usize| own[coordinate] + step * slope[coordinate];
                 places.set(neighbour, [place(0), place(1), place(2)]);
                 let is_seen = step != 0.0
                     && usize::from(conductors[node]) != object
