@@ -15,6 +15,7 @@ mod index_set;
 mod interface;
 mod near_field;
 mod parallel;
+mod scene;
 mod silhouette;
 mod sorted;
 mod surfaces;
@@ -28,16 +29,16 @@ pub use interface::Interface;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
 pub use surfaces::{Frame, Span, Surfaces};
 
-use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
-use crate::sensor::{FREE, GROUND, Terminal};
+use crate::sensor::Terminal;
 use changes::Changes;
-use coupling::{EdgeRule, touches};
+use coupling::EdgeRule;
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::{KnownField, Row, Wedges};
+use near_field::{Row, Wedges};
+use scene::Scene;
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -119,77 +120,6 @@ struct Scratch {
     frame: u8,
     /// Whether edges of the frame before depend on what is beside them.
     looked_beside: bool,
-}
-
-/// Where everything is in one frame.
-struct Scene<'a> {
-    mesh: EdgeGeometry<'a>,
-    materials: &'a [Material],
-    surfaces: &'a dyn Surfaces,
-    bounds: &'a [Aabb],
-    fields: &'a [KnownField],
-    /// Whether there are weak dielectrics on a lattice.
-    has_weak: bool,
-    /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
-    has_silhouettes: bool,
-    /// Whether there are strong dielectrics with exact surfaces on a lattice.
-    has_faces: bool,
-}
-
-impl Scene<'_> {
-    fn is_conductor(&self, object: usize) -> bool {
-        matches!(self.materials[object], Material::Conductor(_))
-    }
-
-    /// The conductor that holds a node.
-    fn holder(&self, node: usize) -> u16 {
-        if self.mesh.terminals[node] != FREE {
-            return NO_OBJECT;
-        }
-        let point = self.mesh.nodes[node];
-        let holder = (0..self.materials.len()).find(|&object| {
-            self.is_conductor(object)
-                && self.bounds[object].contains(point)
-                && self.surfaces.contains(object, point)
-        });
-        holder.map_or(NO_OBJECT, |object| object as u16)
-    }
-
-    /// Collects the objects that an edge passes through, in the order in which they are listed.
-    fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
-        self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
-    }
-
-    fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
-        let around = Aabb { min: a.min(b), max: a.max(b) };
-        spans.clear();
-        for (object, bounds) in self.bounds.iter().enumerate() {
-            if bounds.intersects(&around)
-                && let Some(span) = self.surfaces.span(object, a, b)
-            {
-                spans.push((object as u16, span));
-            }
-        }
-    }
-
-    /// Electrodes at the ends of an edge with the conductors that touch them there.
-    fn contacts<'b>(
-        &'b self,
-        ends: [u32; 2],
-        spans: &'b [(u16, Span)],
-    ) -> impl Iterator<Item = Contact> + 'b {
-        let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
-        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
-        let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
-        touching.flat_map(move |&(object, span)| {
-            let touched = terminals.into_iter().zip(touches(span));
-            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
-            electrodes.map(move |(terminal, _)| Contact {
-                object: usize::from(object),
-                electrode: usize::from(terminal) - 1,
-            })
-        })
-    }
 }
 
 impl Occupancy {
