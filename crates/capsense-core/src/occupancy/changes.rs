@@ -1,7 +1,8 @@
 //! Where the answers of surfaces may differ from those of the frame before.
 
 use super::comparison::Comparison;
-use super::{DepthLayers, EdgeGeometry, Surfaces, near_field};
+use super::near_field::{self, KnownField};
+use super::{DepthLayers, EdgeGeometry, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use glam::DAffine3;
@@ -93,6 +94,8 @@ impl Regions {
 pub(super) struct Changes {
     /// Where each object is.
     bounds: Vec<Aabb>,
+    /// What is known of the field around each.
+    fields: Vec<KnownField>,
     materials: Vec<Material>,
     earlier: Earlier,
     regions: Regions,
@@ -130,6 +133,8 @@ impl Changes {
             self.materials.clear();
             self.materials.extend(materials);
         }
+        self.fields.clear();
+        self.fields.extend((0..materials.len()).map(|object| KnownField::around(surfaces, object)));
         // From below, so that what is met on the way mostly is met in order.
         regions.boxes.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
     }
@@ -137,6 +142,11 @@ impl Changes {
     /// Where each object is.
     pub(super) fn bounds(&self) -> &[Aabb] {
         &self.bounds
+    }
+
+    /// What is known of the field around each object.
+    pub(super) fn fields(&self) -> &[KnownField] {
+        &self.fields
     }
 
     /// Boxes outside of which no answer differs from that of the frame before. They may overlap.

@@ -26,6 +26,11 @@ impl IndexSet {
         self.use_words(word, word);
     }
 
+    #[inline]
+    pub(super) fn contains(&self, number: usize) -> bool {
+        self.words[number / BITS] >> (number % BITS) & 1 != 0
+    }
+
     /// Adds all numbers of a range.
     pub(super) fn insert_all(&mut self, numbers: Range<usize>) {
         if numbers.is_empty() {
@@ -56,12 +61,32 @@ impl IndexSet {
     /// Visits all numbers in increasing order and leaves the set empty.
     pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
         for word in std::mem::take(&mut self.used) {
-            let mut bits = std::mem::take(&mut self.words[word]);
-            while bits != 0 {
-                visit(word * BITS + bits.trailing_zeros() as usize);
-                bits &= bits - 1;
-            }
+            let bits = std::mem::take(&mut self.words[word]);
+            for_bits(bits, |bit| visit(word * BITS + bit));
         }
+    }
+
+    /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
+    /// is in this one, and leaves both empty.
+    pub(super) fn drain_with(&mut self, other: &mut Self, mut visit: impl FnMut(usize, bool)) {
+        if !other.used.is_empty() {
+            self.use_words(other.used.start, other.used.end - 1);
+            other.used = 0..0;
+        }
+        for word in std::mem::take(&mut self.used) {
+            let own = std::mem::take(&mut self.words[word]);
+            let all = own | std::mem::take(&mut other.words[word]);
+            for_bits(all, |bit| visit(word * BITS + bit, own >> bit & 1 != 0));
+        }
+    }
+}
+
+/// Visits the bits that are set, the lowest first.
+#[inline]
+fn for_bits(mut bits: u64, mut visit: impl FnMut(usize)) {
+    while bits != 0 {
+        visit(bits.trailing_zeros() as usize);
+        bits &= bits - 1;
     }
 }
 
@@ -109,6 +134,13 @@ mod tests {
         [299, 3, 64, 3].into_iter().for_each(|number| set.insert(number));
         assert_eq!(drained(&mut set), [3, 64, 299]);
         assert_eq!(drained(&mut set), []);
+        let mut other = IndexSet::below(300);
+        [3, 200].into_iter().for_each(|number| set.insert(number));
+        [3, 5, 64].into_iter().for_each(|number| other.insert(number));
+        let mut numbers = Vec::new();
+        set.drain_with(&mut other, |number, is_own| numbers.push((number, is_own)));
+        assert_eq!(numbers, [(3, true), (5, false), (64, false), (200, true)]);
+        assert_eq!([drained(&mut set), drained(&mut other)], [[], []]);
         for range in [0..1, 5..5, 63..64, 64..128, 60..70, 1..300, 127..257] {
             set.insert_all(range.clone());
             assert_eq!(drained(&mut set), range.collect::<Vec<_>>());

@@ -15,6 +15,7 @@ mod index_set;
 mod interface;
 mod near_field;
 mod parallel;
+mod scene;
 mod silhouette;
 mod sorted;
 mod surfaces;
@@ -25,19 +26,19 @@ pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
-pub use near_field::{RightAngle, Round};
-pub use surfaces::{Span, Surfaces};
+pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
+pub use surfaces::{Frame, Span, Surfaces};
 
-use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
-use crate::sensor::{FREE, GROUND, Terminal};
+use crate::sensor::Terminal;
 use changes::Changes;
-use coupling::{EdgeRule, touches};
+use coupling::EdgeRule;
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::Wedges;
+use near_field::{Row, Wedges};
+use scene::Scene;
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
 
@@ -106,84 +107,19 @@ struct Scratch {
     /// The same for lines parallel to it.
     beside: Vec<(u16, Span)>,
     breaks: Vec<f64>,
+    row: Row,
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
     edges: IndexSet,
+    /// Edges around which something differs. If they are not among those above, surfaces cut them as before.
+    around: IndexSet,
+    /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
+    is_met: Vec<bool>,
     /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
     /// Whether edges of the frame before depend on what is beside them.
     looked_beside: bool,
-}
-
-/// Where everything is in one frame.
-struct Scene<'a> {
-    mesh: EdgeGeometry<'a>,
-    materials: &'a [Material],
-    surfaces: &'a dyn Surfaces,
-    bounds: &'a [Aabb],
-    /// Whether there are weak dielectrics on a lattice.
-    has_weak: bool,
-    /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
-    has_silhouettes: bool,
-    /// Whether there are strong dielectrics with exact surfaces on a lattice.
-    has_faces: bool,
-}
-
-impl Scene<'_> {
-    fn is_conductor(&self, object: usize) -> bool {
-        matches!(self.materials[object], Material::Conductor(_))
-    }
-
-    /// The conductor that holds a node.
-    fn holder(&self, node: usize) -> u16 {
-        if self.mesh.terminals[node] != FREE {
-            return NO_OBJECT;
-        }
-        let point = self.mesh.nodes[node];
-        let holder = (0..self.materials.len()).find(|&object| {
-            self.is_conductor(object)
-                && self.bounds[object].contains(point)
-                && self.surfaces.contains(object, point)
-        });
-        holder.map_or(NO_OBJECT, |object| object as u16)
-    }
-
-    /// Collects the objects that an edge passes through, in the order in which they are listed.
-    fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
-        self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
-    }
-
-    fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
-        let around = Aabb { min: a.min(b), max: a.max(b) };
-        spans.clear();
-        for (object, bounds) in self.bounds.iter().enumerate() {
-            if bounds.intersects(&around)
-                && let Some(span) = self.surfaces.span(object, a, b)
-            {
-                spans.push((object as u16, span));
-            }
-        }
-    }
-
-    /// Electrodes at the ends of an edge with the conductors that touch them there.
-    fn contacts<'b>(
-        &'b self,
-        ends: [u32; 2],
-        spans: &'b [(u16, Span)],
-    ) -> impl Iterator<Item = Contact> + 'b {
-        let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
-        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
-        let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
-        touching.flat_map(move |&(object, span)| {
-            let touched = terminals.into_iter().zip(touches(span));
-            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
-            electrodes.map(move |(terminal, _)| Contact {
-                object: usize::from(object),
-                electrode: usize::from(terminal) - 1,
-            })
-        })
-    }
 }
 
 impl Occupancy {
@@ -203,8 +139,11 @@ impl Occupancy {
                 spans: Vec::new(),
                 beside: Vec::new(),
                 breaks: Vec::new(),
+                row: Row::default(),
                 node_changed: vec![false; nodes],
                 edges: IndexSet::below(edges),
+                around: IndexSet::below(edges),
+                is_met: vec![false; edges],
                 edge_seen: vec![0; edges],
                 frame: 0,
                 looked_beside: false,
@@ -249,9 +188,9 @@ impl Occupancy {
         let changes = std::mem::take(&mut self.changes);
         let has_weak = parallel::is_of_use(mesh.edges, materials);
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
-        let bounds = changes.bounds();
+        let (bounds, fields) = (changes.bounds(), changes.fields());
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
-        let scene = Scene { mesh, materials, surfaces, bounds, has_weak, has_silhouettes, has_faces };
+        let scene = Scene { mesh, materials, surfaces, bounds, fields, has_weak, has_silhouettes, has_faces };
         // What was left beside surfaces in the frame before goes with them.
         let looks_beside = has_weak || has_faces;
         let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;
@@ -324,54 +263,79 @@ impl Occupancy {
             let around = parallel::up_to_planes(mesh.edges, region);
             mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
         }
+        let mut around = std::mem::take(&mut self.scratch.around);
         wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
+            if around.contains(edge) {
+                return;
+            }
             let owners = ends.map(|node| self.conductor[node as usize]);
-            let is_plain = self.couplings[edge] == Coupling::PLAIN;
-            if is_linked || !is_plain || wedges.may_be_beside(ends, owners) {
-                edges.insert(edge);
+            if is_linked || wedges.may_be_beside(ends, owners) || self.couplings[edge] != Coupling::PLAIN {
+                around.insert(edge);
             }
         });
         let mut links_lost = false;
-        edges.drain(|edge| {
-            links_lost |= self.update_edge(scene, wedges, edge, mesh.edges.ends_of_existing(edge));
+        edges.drain_with(&mut around, |edge, is_cut_anew| {
+            let ends = mesh.edges.ends_of_existing(edge);
+            links_lost |= if is_cut_anew || scene.has_weak || self.scratch.is_met[edge] {
+                self.update_edge(scene, wedges, edge, ends)
+            } else {
+                self.scratch.spans.clear();
+                self.update_around(scene, wedges, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN)
+            };
         });
-        self.scratch.edges = edges;
+        (self.scratch.edges, self.scratch.around) = (edges, around);
         links_lost
     }
 
     /// Applies the edge rule to an edge and returns whether it had a link and has none now.
     fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, beside, breaks, edge_seen, frame, .. } = &mut self.scratch;
+        let Scratch { spans, beside, breaks, edge_seen, frame, is_met, .. } = &mut self.scratch;
         edge_seen[edge] = *frame;
         scene.find_spans(ends, spans);
         for contact in scene.contacts(ends, spans) {
             self.touches.add(Touch { place: edge as u32, contact });
         }
         let owners = ends.map(|node| self.conductor[node as usize]);
+        let is_free = owners == [NO_OBJECT; 2];
         let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
-        let coupling = match parallel.flatten() {
+        if let Some(through) = parallel.flatten() {
+            is_met[edge] = true;
+            return self.couple(edge, ends, Coupling::only_through(through));
+        }
+        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
+        let in_face = in_face.flatten();
+        is_met[edge] = in_face.is_some() || !spans.is_empty() || !is_free;
+        let cut = match in_face {
             Some(through) => Coupling::only_through(through),
             None => {
                 let background = scene.mesh.permittivity.at(edge);
-                let in_face = (scene.has_faces && owners == [NO_OBJECT; 2])
-                    .then(|| scene.in_face(edge, spans, beside, breaks));
-                let cut = match in_face.flatten() {
-                    Some(through) => Coupling::only_through(through),
-                    None => {
-                        let rule = EdgeRule { owners, spans, materials: scene.materials, background };
-                        rule.coupling(breaks)
-                    }
-                };
-                let covered = if wedges.may_be_beside(ends, owners) {
-                    scene.at_silhouette(edge, owners, spans, beside, breaks, cut)
-                } else {
-                    cut
-                };
-                match wedges.between(ends) {
-                    Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
-                    None => covered,
-                }
+                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
             }
+        };
+        self.update_around(scene, wedges, (edge, ends), owners, cut)
+    }
+
+    /// Couples an edge by what the edge rule makes of it and what is around it, its spans being those found last, and
+    /// returns whether it had a link and has none now.
+    #[inline]
+    fn update_around(
+        &mut self,
+        scene: &Scene<'_>,
+        wedges: &Wedges,
+        (edge, ends): (usize, [u32; 2]),
+        owners: [u16; 2],
+        cut: Coupling,
+    ) -> bool {
+        let covered = if wedges.may_be_beside(ends, owners) {
+            let Scratch { spans, beside, breaks, row, .. } = &mut self.scratch;
+            let star = wedges.star(ends[0] as usize, row);
+            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
+        } else {
+            cut
+        };
+        let coupling = match wedges.between(ends) {
+            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
+            None => covered,
         };
         if let Some(unstructured) = &mut self.unstructured {
             let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
@@ -384,10 +348,14 @@ impl Occupancy {
     /// Couples an edge and returns whether it had a link and has none now.
     fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
         let node_changed = &self.scratch.node_changed;
-        let before = std::mem::replace(&mut self.couplings[edge], coupling);
+        let before = self.couplings[edge];
         let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
-        if moved || !coupling.is(&before) {
+        let is_other = !coupling.is(&before);
+        if moved || is_other {
             self.replaced.push((edge as u32, before));
+        }
+        if is_other {
+            self.couplings[edge] = coupling;
         }
         if coupling.is_linked() && !before.is_linked() {
             self.linked_edges.add(edge as u32);

@@ -21,9 +21,9 @@
 //! deeper inside. Where a conductor has no edge near, nothing is asked.
 
 use super::coupling::{EdgeRule, SMALLEST_PART};
-use super::{Coupling, NO_OBJECT, Scene, Span};
+use super::near_field::Star;
+use super::{Coupling, Frame, NO_OBJECT, Scene, Span};
 use crate::geometry::Aabb;
-use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
@@ -50,6 +50,15 @@ struct Tube {
     across: [Across; 2],
 }
 
+/// The box around an edge in the frame of an object: the edge's start, the way along it, and the axes across it.
+struct Framed<'a> {
+    tube: &'a Tube,
+    object: usize,
+    from: DVec3,
+    way: DVec3,
+    across: [DVec3; 2],
+}
+
 /// What a conductor beside an edge makes of it.
 #[derive(Clone, Copy, Default)]
 struct Beside {
@@ -65,21 +74,21 @@ struct EndBeside {
 }
 
 impl Tube {
-    fn of(lattice: &Lattice, edge: usize) -> Option<Self> {
-        let (node, axis) = (edge / 3, edge % 3);
-        let place = lattice.node_place(node);
-        let planes = lattice.axes();
-        let from = DVec3::new(planes[0][place[0]], planes[1][place[1]], planes[2][place[2]]);
+    /// That around the edge from a node along an axis.
+    #[inline(always)]
+    fn of(star: &Star<'_>, axis: usize) -> Option<Self> {
+        let (from, [_, length]) = (star.place(), star.ways(axis));
+        if length == 0.0 {
+            return None;
+        }
         let mut to = from;
-        to[axis] = *planes[axis].get(place[axis] + 1)?;
-        let length = to[axis] - from[axis];
+        to[axis] = star.next(axis);
         let across = |axis: usize| {
-            let (planes, index) = (&planes[axis], place[axis]);
-            let below = if index > 0 { 0.5 * (planes[index] - planes[index - 1]) } else { 0.0 };
-            let above = planes.get(index + 1).map_or(0.0, |next| 0.5 * (next - planes[index]));
+            let widths = star.ways(axis).map(|way| 0.5 * way);
+            let [below, above] = widths;
             // No further than to the next node: up to there what changed is looked for.
             let most = if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) };
-            Across { axis, widths: [below, above], fringe: (FRINGE * length.max(below + above)).min(most) }
+            Across { axis, widths, fringe: (FRINGE * length.max(below + above)).min(most) }
         };
         Some(Self { from, to, length, across: [across((axis + 1) % 3), across((axis + 2) % 3)] })
     }
@@ -94,9 +103,14 @@ impl Tube {
         Aabb { min, max }
     }
 
-    /// A point of a span of the edge.
-    fn point_in(&self, span: Span, part: f64) -> DVec3 {
-        self.from.lerp(self.to, span.enter + part * (span.exit - span.enter))
+    /// The same in the frame of an object.
+    #[inline]
+    fn in_frame(&self, object: usize, frame: &Frame) -> Framed<'_> {
+        let Self { from, length, across, .. } = self;
+        let [first, second] = across.each_ref().map(|across| frame.object_from_sensor.col(across.axis));
+        let axis = 3 - across[0].axis - across[1].axis;
+        let way = frame.object_from_sensor.col(axis) * *length;
+        Framed { tube: self, object, from: frame.point(*from), way, across: [first, second] }
     }
 
     /// What a conductor beside the edge makes of one end of it. `gaps` are the parts of the edge between this end and the
@@ -115,14 +129,22 @@ impl Tube {
     }
 }
 
-impl Across {
-    /// From the edge to the middle of a side of its box; `None` at the wall.
-    fn side(&self, number: usize) -> Option<DVec3> {
-        let mut side = DVec3::ZERO;
-        side[self.axis] = if number == 0 { -self.widths[0] } else { self.widths[1] };
-        (self.widths[number] > 0.0).then_some(side)
+impl Framed<'_> {
+    /// A point of a span of the edge.
+    fn point_in(&self, span: Span, part: f64) -> DVec3 {
+        self.from + (span.enter + part * (span.exit - span.enter)) * self.way
     }
 
+    /// From the edge to the middle of a side of its box, that below (0) or above (1) along one of the axes across it; `None` at
+    /// the wall.
+    fn side(&self, across: usize, number: usize) -> Option<DVec3> {
+        let width = self.tube.across[across].widths[number];
+        let side = if number == 0 { -width } else { width } * self.across[across];
+        (width > 0.0).then_some(side)
+    }
+}
+
+impl Across {
     fn width(&self) -> f64 {
         self.widths[0] + self.widths[1]
     }
@@ -139,26 +161,25 @@ impl Scene<'_> {
     }
 
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
-    /// spans of the edge, `others` working storage.
+    /// spans of the edge, `star` what is around its first node, `others` working storage.
     #[inline(never)]
     pub(super) fn at_silhouette(
         &self,
-        edge: usize,
+        (edge, star): (usize, &Star<'_>),
         owners: [u16; 2],
         on_edge: &[(u16, Span)],
         others: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
         cut: Coupling,
     ) -> Coupling {
-        let Edges::Lattice(lattice) = self.mesh.edges else { return cut };
         if owners.iter().all(|&owner| owner != NO_OBJECT) {
             return cut;
         }
-        let Some(tube) = Tube::of(lattice, edge) else { return cut };
+        let Some(tube) = Tube::of(star, edge % 3) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
             (Some(&(object, span)), None) if self.has_edge_in(object.into(), &tube.bounds()) => {
-                let part = self.part_covered(&tube, usize::from(object), span);
+                let part = self.part_covered(&self.framed(&tube, object.into()), span);
                 if part >= 1.0 {
                     return cut;
                 }
@@ -174,18 +195,22 @@ impl Scene<'_> {
         }
     }
 
+    fn framed<'a>(&self, tube: &'a Tube, object: usize) -> Framed<'a> {
+        tube.in_frame(object, &self.surfaces.frame(object))
+    }
+
     /// The part of a box around an edge that meets the conductor which the edge meets.
-    fn part_covered(&self, tube: &Tube, object: usize, span: Span) -> f64 {
+    fn part_covered(&self, framed: &Framed<'_>, span: Span) -> f64 {
         let mut least = 1.0_f64;
-        for across in &tube.across {
+        for (number, across) in framed.tube.across.iter().enumerate() {
             let mut covered = 0.0;
-            for (number, width) in across.widths.into_iter().enumerate() {
-                let Some(side) = across.side(number) else { continue };
-                let reach = self.width_across(object, tube.point_in(span, 0.5), side);
+            for (side, width) in across.widths.into_iter().enumerate() {
+                let Some(side) = framed.side(number, side) else { continue };
+                let reach = self.width_across(framed, framed.point_in(span, 0.5), side);
                 let missing = (width * (1.0 - reach) - across.fringe).max(0.0);
                 covered += width;
                 if missing > 0.0 {
-                    covered -= missing * self.abruptness(tube, object, span, side);
+                    covered -= missing * self.abruptness(framed, span, side, reach);
                 }
             }
             least = least.min(covered / across.width());
@@ -194,17 +219,18 @@ impl Scene<'_> {
     }
 
     /// How much of a ray a conductor fills.
-    fn width_across(&self, object: usize, from: DVec3, ray: DVec3) -> f64 {
-        self.surfaces.span(object, from, from + ray).map_or(0.0, |span| span.exit - span.enter)
+    fn width_across(&self, framed: &Framed<'_>, from: DVec3, ray: DVec3) -> f64 {
+        self.surfaces
+            .span_in_frame(framed.object, from, from + ray)
+            .map_or(0.0, |span| span.exit - span.enter)
     }
 
     /// Whether the face of a conductor ends at a wall along the edge: one if the conductor is as wide close to the face as
-    /// in the middle of what the edge meets of it, zero if it is half as wide.
-    fn abruptness(&self, tube: &Tube, object: usize, span: Span, ray: DVec3) -> f64 {
-        let middle = self.width_across(object, tube.point_in(span, 0.5), ray);
+    /// in the `middle` of what the edge meets of it, zero if it is half as wide.
+    fn abruptness(&self, framed: &Framed<'_>, span: Span, ray: DVec3, middle: f64) -> f64 {
         let faces =
             [(span.enter > 0.0, 0.1), (span.exit < 1.0, 0.9)].into_iter().filter(|(is_face, _)| *is_face);
-        let widths = faces.map(|(_, part)| self.width_across(object, tube.point_in(span, part), ray));
+        let widths = faces.map(|(_, part)| self.width_across(framed, framed.point_in(span, part), ray));
         let narrowest = widths.fold(middle, f64::min);
         if middle > 0.0 { (2.5 * narrowest / middle - 1.25).clamp(0.0, 1.0) } else { 1.0 }
     }
@@ -218,11 +244,12 @@ impl Scene<'_> {
         if !self.has_edge_in(object, &bounds) {
             return plain;
         }
+        let framed = self.framed(tube, object);
         let mut most = Beside::default();
-        for across in &tube.across {
+        for across in 0..2 {
             let mut sum = Beside::default();
             for number in 0..2 {
-                let beside = self.beside_towards(tube, object, across, number);
+                let beside = self.beside_towards(&framed, across, number);
                 sum.taken += beside.taken;
                 (0..2).for_each(|end| sum.links[end] += beside.links[end]);
             }
@@ -236,36 +263,44 @@ impl Scene<'_> {
         Coupling { through: plain.through * (1.0 - most.taken), factor: most.links, object }
     }
 
-    fn beside_towards(&self, tube: &Tube, object: usize, across: &Across, number: usize) -> Beside {
-        let Some(side) = across.side(number) else { return Beside::default() };
-        let reach = 1.0 + across.fringe / across.widths[number];
-        if self.surfaces.misses(object, tube.from, [tube.to - tube.from, reach * side]) {
+    fn beside_towards(&self, framed: &Framed<'_>, number: usize, side: usize) -> Beside {
+        let (tube, across) = (framed.tube, &framed.tube.across[number]);
+        let Some(ray) = framed.side(number, side) else { return Beside::default() };
+        let width = across.widths[side];
+        let reach = 1.0 + across.fringe / width;
+        let ray = reach * ray;
+        let (middle, half) = (framed.from + 0.5 * (framed.way + ray), 0.5 * (framed.way.abs() + ray.abs()));
+        if self.surfaces.misses(framed.object, middle, half) {
             return Beside::default();
         }
-        let Some((span, found)) = self.probe(tube, object, reach * side) else { return Beside::default() };
-        let place = |part: f64| part * reach * across.widths[number];
+        let Some((span, found, middle)) = self.probe(framed, ray) else { return Beside::default() };
+        let place = |part: f64| part * reach * width;
         let distance = place(found.enter);
         // Near the edge the fringe fills some of the box behind it.
-        let start = (distance - across.fringe).max(-across.widths[1 - number]);
-        let covered = (place(found.exit).min(across.widths[number]) - start).max(0.0) / across.width();
-        let part = covered * self.abruptness(tube, object, span, reach * side);
+        let start = (distance - across.fringe).max(-across.widths[1 - side]);
+        let covered = (place(found.exit).min(width) - start).max(0.0) / across.width();
+        let part = covered * self.abruptness(framed, span, ray, middle);
         let [before, behind] = [span.enter, 1.0 - span.exit];
         let from = tube.link_beside([before, behind], distance);
         let to = tube.link_beside([behind, before], distance);
         Beside { taken: part * from.taken.max(to.taken), links: [part * from.link, part * to.link] }
     }
 
-    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it. One
-    /// that is too thin to reach the side is found where it passes an end of the edge.
-    fn probe(&self, tube: &Tube, object: usize, side: DVec3) -> Option<(Span, Span)> {
-        if let Some(along) = self.surfaces.span(object, tube.from + side, tube.to + side) {
-            let middle = tube.point_in(along, 0.5);
-            return Some((along, self.surfaces.span(object, middle, middle + side)?));
+    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it, and how
+    /// much it fills of a ray in the middle of the former. One that is too thin to reach the side is found where it passes
+    /// an end of the edge.
+    fn probe(&self, framed: &Framed<'_>, ray: DVec3) -> Option<(Span, Span, f64)> {
+        let &Framed { object, from, way, .. } = framed;
+        let span = |from: DVec3, way: DVec3| self.surfaces.span_in_frame(object, from, from + way);
+        if let Some(along) = span(from + ray, way) {
+            let across = span(framed.point_in(along, 0.5), ray)?;
+            return Some((along, across, across.exit - across.enter));
         }
-        [tube.from, tube.to].into_iter().find_map(|end| {
-            let across = self.surfaces.span(object, end, end + side)?;
-            let offset = 0.5 * (across.enter + across.exit) * side;
-            Some((self.surfaces.span(object, tube.from + offset, tube.to + offset)?, across))
+        [from, from + way].into_iter().find_map(|end| {
+            let across = span(end, ray)?;
+            let offset = 0.5 * (across.enter + across.exit) * ray;
+            let along = span(from + offset, way)?;
+            Some((along, across, self.width_across(framed, framed.point_in(along, 0.5), ray)))
         })
     }
 }

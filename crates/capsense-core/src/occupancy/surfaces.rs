@@ -1,8 +1,8 @@
 //! What the occupancy asks of surfaces, however they are known.
 
-use super::{Earlier, InvalidDepth, Regions, RightAngle, Round};
+use super::{Earlier, InvalidDepth, Regions, RightAngles, Round};
 use crate::geometry::Aabb;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// The part of a segment from a (0) to b (1) that lies in an object: first entry and last exit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +11,26 @@ pub struct Span {
     pub enter: f64,
     /// Where it last leaves, in [enter, 1].
     pub exit: f64,
+}
+
+/// The frame in which an object rests, by its origin in the sensor frame, in metres, and a rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// Where it is in the sensor frame.
+    pub origin: DVec3,
+    /// How it is turned.
+    pub object_from_sensor: DMat3,
+}
+
+impl Frame {
+    /// The sensor frame itself.
+    pub const SENSOR: Self = Self { origin: DVec3::ZERO, object_from_sensor: DMat3::IDENTITY };
+
+    /// A point of the sensor frame in this one.
+    #[inline]
+    pub fn point(&self, point: DVec3) -> DVec3 {
+        self.object_from_sensor * (point - self.origin)
+    }
 }
 
 /// Where objects are: answers for points and segments in the sensor frame.
@@ -33,8 +53,20 @@ pub trait Surfaces {
     /// The part of the segment from `a` to `b` that lies in an object; `None` when it passes by.
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span>;
 
-    /// Whether it is soon seen that an object certainly misses all of the parallelogram between two ways from a corner.
-    fn misses(&self, _object: usize, _corner: DVec3, _ways: [DVec3; 2]) -> bool {
+    /// A frame of an object. Who asks for several spans next to each other takes what they are made of there once, and
+    /// asks [`Surfaces::span_in_frame`].
+    fn frame(&self, _object: usize) -> Frame {
+        Frame::SENSOR
+    }
+
+    /// The part of a segment that lies in an object, both in the object's frame.
+    fn span_in_frame(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        self.span(object, a, b)
+    }
+
+    /// Whether it is soon seen that an object certainly misses all of a box about a point, of some half size, along the axes
+    /// of the object's frame.
+    fn misses(&self, _object: usize, _middle: DVec3, _half: DVec3) -> bool {
         false
     }
 
@@ -53,15 +85,9 @@ pub trait Surfaces {
         true
     }
 
-    /// Where two faces of an object meet at a right angle, as near to a point as there is such an edge.
-    fn right_angle_near(&self, _object: usize, _point: DVec3) -> Option<RightAngle> {
+    /// Where faces of an object meet at right angles, if they do.
+    fn right_angles(&self, _object: usize) -> Option<RightAngles> {
         None
-    }
-
-    /// The same, or nothing where that place is further from the point than `reach` along one of the axes.
-    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
-        let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(reach).all();
-        self.right_angle_near(object, point).filter(is_near)
     }
 
     /// How an object is rounded, if it has no edges.

@@ -4,7 +4,7 @@
 //! quadratic for round ones. The quadratic is solved from the line's distance to the centre, so that nothing cancels
 //! when both ends are far away.
 
-use crate::occupancy::RightAngle;
+use crate::occupancy::RightAngled;
 use glam::{BVec3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -62,6 +62,16 @@ impl Convex {
         }
     }
 
+    /// Half the extents along the axes.
+    #[inline]
+    pub(super) fn half_size(&self) -> DVec3 {
+        match *self {
+            Self::Box(half) => half,
+            Self::Capsule { radius, half_length } => DVec3::new(radius, radius, radius + half_length),
+            Self::Cylinder { radius, half_length } => DVec3::new(radius, radius, half_length),
+        }
+    }
+
     /// Whether two points are both before one flat face or in it, so that what is between them certainly is outside. In that
     /// case [`Convex::interval`] says the same after divisions, with the same rounding: no part of it is between them.
     #[inline]
@@ -110,79 +120,43 @@ impl Convex {
         }
     }
 
-    /// Whether some of the edges that may be in a box of half size `half` about a point, each given by its middle and the
-    /// way from there to its end, is what is wanted; `None` where edges are round.
+    /// Whether some of the edges that may be in a box of half size `half` about a point, each given by its middle and the axis
+    /// that it is along, is what is wanted; `None` where edges are round.
+    #[inline(always)]
     pub(super) fn any_straight_edge_near(
         &self,
         centre: DVec3,
         half: DVec3,
-        mut is_wanted: impl FnMut(DVec3, DVec3) -> bool,
+        mut is_wanted: impl FnMut(DVec3, usize) -> bool,
     ) -> Option<bool> {
         let Self::Box(size) = *self else { return None };
         // Of faces at either side.
-        let is_at = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half).bitmask());
-        for axis in 0..3 {
-            let [first, second] = [(axis + 1) % 3, (axis + 2) % 3];
-            for corner in 0..4 {
-                let [one, other] = [corner & 1, corner >> 1];
-                if is_at[one] >> first & is_at[other] >> second & 1 == 0 {
-                    continue;
-                }
-                let (mut middle, mut way) = (DVec3::ZERO, DVec3::ZERO);
-                way[axis] = size[axis];
-                middle[first] = size[first].copysign(one as f64 - 0.5);
-                middle[second] = size[second].copysign(other as f64 - 0.5);
-                if is_wanted(middle, way) {
-                    return Some(true);
-                }
-            }
+        let [low, high] = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half).bitmask());
+        let mut is_met = |axis: usize, at_high: u32| {
+            let sign = |axis: u32| if at_high >> axis & 1 == 0 { -1.0 } else { 1.0 };
+            let mut middle = size * DVec3::new(sign(0), sign(1), sign(2));
+            middle[axis] = 0.0;
+            is_wanted(middle, axis)
+        };
+        let faces = low | high;
+        if low & high == 0 && faces.count_ones() == 2 {
+            // That of the only two faces: the most frequent case.
+            return Some(is_met((!faces & 7).trailing_zeros() as usize, high));
         }
-        Some(false)
+        let corners = (0..3).flat_map(|axis| (0..8).map(move |at_high: u32| (axis, at_high)));
+        let mut edges = corners.filter(|&(axis, at_high)| {
+            let across = 7 & !(1 << axis);
+            at_high >> axis & 1 == 0 && (high & at_high | low & !at_high) & across == across
+        });
+        Some(edges.any(|(axis, at_high)| is_met(axis, at_high)))
     }
 
-    /// The edge at a right angle that is nearest to a point.
-    #[inline]
-    pub(super) fn right_angle_near(&self, point: DVec3) -> Option<RightAngle> {
+    /// The solid as one whose faces meet at right angles.
+    pub(super) fn right_angled(&self) -> Option<RightAngled> {
         match *self {
-            Self::Box(half) => {
-                let outside = point.abs() - half;
-                let squared = outside * outside;
-                let beyond = outside.max(DVec3::ZERO);
-                // For edges along each axis.
-                let distances = DVec3::splat(squared.element_sum()) - squared + beyond * beyond;
-                let axis = distances.min_position();
-                let corner = half.copysign(point);
-                let mut place = corner;
-                place[axis] = point[axis];
-                let normals = [(axis + 1) % 3, (axis + 2) % 3].map(|across| {
-                    let mut normal = DVec3::ZERO;
-                    normal[across] = 1.0_f64.copysign(point[across]);
-                    normal
-                });
-                let mut across = half;
-                across[axis] = f64::INFINITY;
-                Some(RightAngle {
-                    place,
-                    normals,
-                    inside: -outside[axis],
-                    radius: f64::INFINITY,
-                    thickness: 2.0 * across.min_element(),
-                    breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),
-                })
-            }
+            Self::Box(half) => Some(RightAngled::Box(half)),
             Self::Capsule { .. } => None,
-            Self::Cylinder { radius, half_length } => {
-                let outwards = point.truncate().try_normalize()?;
-                let end = half_length.copysign(point.z);
-                Some(RightAngle {
-                    place: (radius * outwards).extend(end),
-                    normals: [outwards.extend(0.0), DVec3::Z * 1.0_f64.copysign(point.z)],
-                    inside: f64::INFINITY,
-                    radius,
-                    thickness: 2.0 * radius.min(half_length),
-                    breadth: 2.0 * radius,
-                })
-            }
+            Self::Cylinder { radius, half_length } => Some(RightAngled::Cylinder { radius, half_length }),
         }
     }
 

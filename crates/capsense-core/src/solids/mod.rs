@@ -13,7 +13,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Regions, RightAngle, Round, Span, Surfaces};
+use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Span, Surfaces};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3Swizzles};
@@ -178,6 +178,34 @@ impl Solid {
         })
     }
 
+    /// The part of a segment of the solid's frame that is in the solid.
+    #[inline]
+    fn span(&self, a: DVec3, b: DVec3) -> Option<Span> {
+        let convex = match &self.body {
+            Body::Convex(convex) => convex,
+            Body::Enclosed(enclosed) => return enclosed.span(a, b),
+        };
+        if convex.parts_by_face(a, b) {
+            return None;
+        }
+        // An end that is inside starts or ends the span, whatever rounding makes of the interval.
+        let (from, to) = (convex.contains(a), convex.contains(b));
+        if from && to {
+            return Some(Span { enter: 0.0, exit: 1.0 });
+        }
+        match convex.interval(a, b - a) {
+            Some([enter, exit]) => {
+                let enter = if from { 0.0 } else { enter.max(0.0) };
+                let exit = if to { 1.0 } else { exit.min(1.0) };
+                let is_met = enter < exit || from || to;
+                is_met.then(|| Span { enter: enter.min(1.0), exit: exit.max(enter.min(1.0)) })
+            }
+            None if from => Some(Span { enter: 0.0, exit: 0.0 }),
+            None if to => Some(Span { enter: 1.0, exit: 1.0 }),
+            None => None,
+        }
+    }
+
     fn at(&self, pose: &Pose) -> Placed {
         let rotation = if self.is_ball { DQuat::IDENTITY } else { pose.rotation.normalize() };
         let sensor_from_object = DAffine3::from_rotation_translation(rotation, pose.translation);
@@ -195,12 +223,12 @@ impl Placed {
         self.object_from_sensor * (point - self.sensor_from_object.translation)
     }
 
-    /// Whether a segment of the solid's frame, given by its middle and the way from there to its end, meets a box: neither
-    /// one of the box's axes nor one across the segment parts them.
+    /// Whether a segment, given by its middle in the solid's frame and the way from there to its end in the sensor's, meets a
+    /// box: neither one of the box's axes nor one across the segment parts them.
+    #[inline(always)]
     fn is_segment_in(&self, middle: DVec3, way: DVec3, bounds: &Aabb) -> bool {
         let half = 0.5 * bounds.size();
         let from_centre = self.sensor_from_object.transform_point3(middle) - 0.5 * (bounds.min + bounds.max);
-        let way = self.sensor_from_object.matrix3 * way;
         let reach = way.abs();
         let across = half.zxy() * reach.yzx() + half.yzx() * reach.zxy();
         from_centre.abs().cmple(half + reach).all() && from_centre.cross(way).abs().cmple(across).all()
@@ -227,37 +255,21 @@ impl Surfaces for Solids {
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         // No `map` over the two ends: it is not inlined and costs as much as the rest.
         let placed = &self.placed[object];
-        let (a, b) = (placed.local(a), placed.local(b));
-        let convex = match &self.solids[object].body {
-            Body::Convex(convex) => convex,
-            Body::Enclosed(enclosed) => return enclosed.span(a, b),
-        };
-        if convex.parts_by_face(a, b) {
-            return None;
-        }
-        // An end that is inside starts or ends the span, whatever rounding makes of the interval.
-        let (from, to) = (convex.contains(a), convex.contains(b));
-        if from && to {
-            return Some(Span { enter: 0.0, exit: 1.0 });
-        }
-        match convex.interval(a, b - a) {
-            Some([enter, exit]) => {
-                let enter = if from { 0.0 } else { enter.max(0.0) };
-                let exit = if to { 1.0 } else { exit.min(1.0) };
-                let is_met = enter < exit || from || to;
-                is_met.then(|| Span { enter: enter.min(1.0), exit: exit.max(enter.min(1.0)) })
-            }
-            None if from => Some(Span { enter: 0.0, exit: 0.0 }),
-            None if to => Some(Span { enter: 1.0, exit: 1.0 }),
-            None => None,
-        }
+        self.solids[object].span(placed.local(a), placed.local(b))
     }
 
-    fn misses(&self, object: usize, corner: DVec3, [a, b]: [DVec3; 2]) -> bool {
+    fn frame(&self, object: usize) -> Frame {
+        let Placed { sensor_from_object, object_from_sensor, .. } = self.placed[object];
+        Frame { origin: sensor_from_object.translation, object_from_sensor }
+    }
+
+    fn span_in_frame(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        self.solids[object].span(a, b)
+    }
+
+    fn misses(&self, object: usize, middle: DVec3, half: DVec3) -> bool {
         let Body::Convex(convex) = &self.solids[object].body else { return false };
-        let placed = &self.placed[object];
-        let [a, b] = [placed.object_from_sensor * a, placed.object_from_sensor * b];
-        convex.is_beyond_face(placed.local(corner) + 0.5 * (a + b), 0.5 * (a.abs() + b.abs()))
+        convex.is_beyond_face(middle, half)
     }
 
     fn are_exact(&self) -> bool {
@@ -281,7 +293,8 @@ impl Surfaces for Solids {
         let is_in = || self.solids[object].edges.is_in(&placed.sensor_from_object, bounds);
         match &self.solids[object].body {
             Body::Convex(convex) => {
-                let is_met = |middle, way| placed.is_segment_in(middle, way, bounds);
+                let along = |axis| convex.half_size()[axis] * placed.sensor_from_object.matrix3.col(axis);
+                let is_met = |middle, axis| placed.is_segment_in(middle, along(axis), bounds);
                 convex.has_edge_near(centre, half)
                     && convex.any_straight_edge_near(centre, half, is_met).unwrap_or_else(is_in)
             }
@@ -289,20 +302,10 @@ impl Surfaces for Solids {
         }
     }
 
-    fn right_angle_near(&self, object: usize, point: DVec3) -> Option<RightAngle> {
-        self.right_angle_within(object, point, DVec3::INFINITY)
-    }
-
-    fn right_angle_within(&self, object: usize, point: DVec3, reach: DVec3) -> Option<RightAngle> {
+    fn right_angles(&self, object: usize) -> Option<RightAngles> {
         let Body::Convex(convex) = &self.solids[object].body else { return None };
-        let placed = &self.placed[object];
-        let angle = convex.right_angle_near(placed.local(point))?;
-        let place = placed.sensor_from_object.transform_point3(angle.place);
-        if !(place - point).abs().cmple(reach).all() {
-            return None;
-        }
-        let turn = placed.sensor_from_object.matrix3;
-        Some(RightAngle { place, normals: [turn * angle.normals[0], turn * angle.normals[1]], ..angle })
+        let Placed { sensor_from_object, object_from_sensor, .. } = self.placed[object];
+        Some(RightAngles { solid: convex.right_angled()?, sensor_from_object, object_from_sensor })
     }
 
     fn roundness(&self, object: usize) -> Option<Round> {

@@ -39,13 +39,10 @@ pub(in super::super) const POINTS: usize = 8;
 #[derive(Clone, Copy, Debug)]
 pub(in super::super) struct Places<const N: usize = POINTS>([[f64; N]; 3]);
 
-impl<const N: usize> Default for Places<N> {
-    fn default() -> Self {
-        Self([[0.0; N]; 3])
-    }
-}
-
 impl<const N: usize> Places<N> {
+    /// All of them at the place of the angle.
+    pub(in super::super) const ORIGIN: Self = Self([[0.0; N]; 3]);
+
     pub(in super::super) fn set(&mut self, point: usize, place: [f64; 3]) {
         (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
     }
@@ -136,7 +133,7 @@ mod tests {
             let theta = 6.0 * FRAC_PI_4 * f64::from(step) / 60.0;
             for r in [1e-6, 0.02, 3.0_f64] {
                 let (sine, cosine) = theta.sin_cos();
-                let mut places = Places::<POINTS>::default();
+                let mut places = Places::<POINTS>::ORIGIN;
                 places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
                 places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
                 let [found, within, at_edge, ..] = places.potentials(angle.radius);

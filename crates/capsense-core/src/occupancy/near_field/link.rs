@@ -18,12 +18,28 @@ pub(super) struct Unlinked {
     pub(super) length: f64,
     pub(super) area: f64,
     pub(super) places: Places,
-    /// Of the edges to the neighbours that are seen, and how far these are.
-    pub(super) areas: [f64; POINTS],
-    pub(super) distances: [f64; POINTS],
+    /// Of the edges to the neighbours that are seen: the area of the dual face over the distance.
+    pub(super) weights: [f64; POINTS],
     /// Of the edge; or, before a round surface, the potentials themselves.
     pub(super) radius: f64,
     pub(super) potentials: Option<[f64; POINTS]>,
+}
+
+impl Unlinked {
+    /// Of no node yet. The last of its points never is anything's neighbour.
+    pub(super) const NONE: Self = Self {
+        node: 0,
+        sides: 0,
+        at: AtWedge::NONE,
+        share: 0.0,
+        of_negative: 0.0,
+        length: 1.0,
+        area: 1.0,
+        places: Places::ORIGIN,
+        weights: [0.0; POINTS],
+        radius: f64::INFINITY,
+        potentials: None,
+    };
 }
 
 /// Nodes whose links are found with the widest instructions of this machine; none of them fuses or reorders operations, so
@@ -42,16 +58,12 @@ impl pulp::NullaryFnOnce for FindLinks<'_> {
 }
 
 impl Unlinked {
-    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), for weights that are areas over distances.
+    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), w being areas over distances.
     #[inline(always)]
     fn link(&mut self) {
         let potentials = self.potentials.unwrap_or_else(|| self.places.potentials(self.radius));
         let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        let mut weights = [0.0; POINTS];
-        for (weight, (area, distance)) in weights.iter_mut().zip(self.areas.iter().zip(&self.distances)) {
-            *weight = area / distance;
-        }
-        for (weight, potential) in weights.into_iter().zip(potentials) {
+        for (weight, potential) in self.weights.into_iter().zip(potentials) {
             sum += weight * potential;
             of_weights += weight;
             highest = f64::max(highest, potential);

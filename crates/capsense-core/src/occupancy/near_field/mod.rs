@@ -16,11 +16,13 @@
 //!
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
+mod angles;
 mod field;
 mod link;
 mod round;
 mod star;
 
+pub use angles::{RightAngled, RightAngles};
 pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
@@ -29,13 +31,14 @@ pub(super) use star::{FAR, grown};
 
 use super::coupling::Coupling;
 use super::index_set::IndexSet;
-use super::{NO_OBJECT, Scene};
+use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use link::{FindLinks, Unlinked};
-use star::{Star, Stars};
+use star::Stars;
+pub(super) use star::{Row, Star};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -77,6 +80,24 @@ impl AtWedge {
     }
 }
 
+/// What is known of the field around an object, were it a conductor.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum KnownField {
+    None,
+    Edges(RightAngles),
+    Round(Round),
+}
+
+impl KnownField {
+    pub(super) fn around(surfaces: &dyn Surfaces, object: usize) -> Self {
+        match (surfaces.right_angles(object), surfaces.roundness(object)) {
+            (Some(angles), _) => Self::Edges(angles),
+            (None, Some(round)) => Self::Round(round),
+            (None, None) => Self::None,
+        }
+    }
+}
+
 /// The field near a conductor.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Near {
@@ -102,8 +123,9 @@ pub(super) struct Wedges {
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
-    /// Nodes whose links are to be found.
+    /// Room for nodes whose links are to be found, and how many these are.
     unlinked: Vec<Unlinked>,
+    waiting: usize,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
@@ -124,11 +146,13 @@ impl Wedges {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
             self.stars = Stars::of(lattice);
+            self.unlinked.resize(TOGETHER, Unlinked::NONE);
         }
         if self.at.is_empty() {
             return;
         }
-        let mut nodes = std::mem::take(&mut self.nodes);
+        let (mut nodes, stars) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.stars));
+        let mut row = Row::default();
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
@@ -137,33 +161,32 @@ impl Wedges {
             if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
                 let at = AtWedge::NONE;
                 if self.at[node] != at {
-                    let sides = self.stars.at(lattice, node).sides();
+                    let sides = stars.at(node, &mut row).sides();
                     self.settle(node, sides, at);
                 }
                 return;
             }
-            let star = self.stars.at(lattice, node);
-            match scene.linked(&star, conductors) {
-                Some(unlinked) => self.unlinked.push(unlinked),
-                None => self.settle(
-                    node,
-                    star.sides(),
-                    AtWedge { is_beside: scene.is_beside(&star), ..AtWedge::NONE },
-                ),
-            }
-            if self.unlinked.len() == TOGETHER {
-                self.link();
+            let star = stars.at(node, &mut row);
+            if scene.is_linked(&star, conductors, &mut self.unlinked[self.waiting]) {
+                self.waiting += 1;
+                if self.waiting == TOGETHER {
+                    self.link();
+                }
+            } else {
+                let (sides, is_beside) = (star.sides(), scene.is_beside(&star));
+                self.settle(node, sides, AtWedge { is_beside, ..AtWedge::NONE });
             }
         });
         self.link();
-        self.nodes = nodes;
+        (self.nodes, self.stars) = (nodes, stars);
     }
 
     /// Finds the links that are missing.
     fn link(&mut self) {
-        pulp::Arch::new().dispatch(FindLinks(&mut self.unlinked));
         let mut unlinked = std::mem::take(&mut self.unlinked);
-        for Unlinked { node, sides, at, .. } in unlinked.drain(..) {
+        let found = &mut unlinked[..std::mem::take(&mut self.waiting)];
+        pulp::Arch::new().dispatch(FindLinks(found));
+        for &mut Unlinked { node, sides, at, .. } in found {
             self.settle(node, sides, at);
         }
         self.unlinked = unlinked;
@@ -204,6 +227,12 @@ impl Wedges {
         }
     }
 
+    /// What is around a node of a lattice, of which [`Wedges::may_be_beside`] says that something is, best in the row of the
+    /// one before.
+    pub(super) fn star(&self, node: usize, row: &mut Row) -> Star<'_> {
+        self.stars.at(node, row)
+    }
+
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
     pub(super) fn may_be_beside(&self, ends: [u32; 2], owners: [u16; 2]) -> bool {
         let (Some(a), Some(b)) = (self.at.get(ends[0] as usize), self.at.get(ends[1] as usize)) else {
@@ -227,40 +256,35 @@ impl Scene<'_> {
         self.has_edges_in(&star.bounds())
     }
 
-    /// What a node that is near an edge of a conductor makes of it, but for the link. `conductors` are those that hold
-    /// nodes.
-    fn linked(&self, star: &Star<'_>, conductors: &[u16]) -> Option<Unlinked> {
+    /// Whether a node is near an edge of a conductor, or a round one, and if so, what it makes of it, but for the link.
+    /// `conductors` are those that hold nodes.
+    fn is_linked(&self, star: &Star<'_>, conductors: &[u16], unlinked: &mut Unlinked) -> bool {
         if self.mesh.terminals[star.node] != FREE {
-            return None;
+            return false;
         }
-        let (object, near, share) = self.nearest(star.node, star)?;
-        let (_, length) = star.neighbour(CARRIER, true).filter(|_| self.is_homogeneous(star))?;
-        let area = star.width((CARRIER + 1) % 3) * star.width((CARRIER + 2) % 3);
+        let Some((object, near, share)) = self.nearest(star.node, star) else { return false };
+        let Some((_, length)) = star.neighbour(CARRIER, true) else { return false };
+        if !self.is_homogeneous(star) {
+            return false;
+        }
         let longest = star.longest();
         let [thickness, breadth] = near.thickness_and_breadth();
         let is_all = share >= 1.0 && thickness >= longest;
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
-        let at = AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
-        let mut unlinked = Unlinked {
-            node: star.node,
-            sides: star.sides(),
-            at,
-            share,
-            of_negative: (breadth / longest - 1.0).clamp(0.0, 1.0),
-            length,
-            area,
-            places: Places::default(),
-            areas: [0.0; POINTS],
-            distances: [1.0; POINTS],
-            radius: f64::INFINITY,
-            potentials: None,
-        };
+        unlinked.node = star.node;
+        unlinked.sides = star.sides();
+        unlinked.at =
+            AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
+        unlinked.share = share;
+        unlinked.of_negative = (breadth / longest - 1.0).clamp(0.0, 1.0);
+        unlinked.length = length;
+        unlinked.area = star.area(CARRIER);
         match &near {
-            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, &mut unlinked),
-            Near::Round(round) => self.look_around_round(star, object, round, conductors, &mut unlinked),
+            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, unlinked),
+            Near::Round(round) => self.look_around_round(star, object, round, conductors, unlinked),
         }
-        Some(unlinked)
+        true
     }
 
     /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links.
@@ -290,11 +314,17 @@ impl Scene<'_> {
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
     fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
-        if let Some(angle) = self.surfaces.right_angle_within(object, point, reach) {
-            return Some((Near::Edge(angle), share_of(cells, &angle)));
+        match &self.fields[object] {
+            KnownField::None => None,
+            KnownField::Edges(angles) => {
+                let angle = angles.nearest(point)?;
+                let is_near = (angle.place - point).abs().cmple(reach).all();
+                is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
+            }
+            KnownField::Round(round) => {
+                Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
+            }
         }
-        let round = self.surfaces.roundness(object)?;
-        Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
     }
 
     /// Whether the background is the same all around a node.
@@ -316,37 +346,34 @@ impl Scene<'_> {
         is_homogeneous
     }
 
-    /// Finds where a node and its neighbours are by a right angle, how far these are, and of the edges that lead to those
-    /// which the conductor does not cut off the areas of the dual faces.
+    /// Finds where a node and its neighbours are by a right angle, and the weights of the edges that lead to those which the
+    /// conductor does not cut off.
+    #[inline(always)]
     fn look_around_edge(
         &self,
         star: &Star<'_>,
         object: usize,
         angle: &RightAngle,
         conductors: &[u16],
-        Unlinked { places, areas, distances, radius, .. }: &mut Unlinked,
+        Unlinked { places, weights, radius, potentials, .. }: &mut Unlinked,
     ) {
-        *radius = angle.radius;
+        (*radius, *potentials) = (angle.radius, None);
         let point = self.mesh.nodes[star.node];
         let own = angle.coordinates(point);
-        let [p, q, along] = [angle.normals[0], angle.normals[1], angle.along()];
-        let widths = [star.width(0), star.width(1), star.width(2)];
+        let slopes = DMat3::from_cols(angle.normals[0], angle.normals[1], angle.along()).transpose();
         places.set(0, own);
-        for axis in 0..3 {
-            for upwards in [false, true] {
-                let neighbour = 1 + 2 * axis + usize::from(upwards);
-                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
-                let step = if upwards { distance } else { -distance };
-                places.set(
-                    neighbour,
-                    [own[0] + step * p[axis], own[1] + step * q[axis], own[2] + step * along[axis]],
-                );
-                let is_seen = places.see_each_other(0, neighbour)
-                    || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none();
-                if is_seen && usize::from(conductors[node]) != object {
-                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
-                    distances[neighbour] = distance;
-                }
+        for (axis, slope) in slopes.to_cols_array_2d().into_iter().enumerate() {
+            let area = star.area(axis);
+            for side in 0..2 {
+                let neighbour = 1 + 2 * axis + side;
+                let (node, step) = star.step(axis, side);
+                let place = |coordinate: usize| own[coordinate] + step * slope[coordinate];
+                places.set(neighbour, [place(0), place(1), place(2)]);
+                let is_seen = step != 0.0
+                    && usize::from(conductors[node]) != object
+                    && (places.see_each_other(0, neighbour)
+                        || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none());
+                weights[neighbour] = if is_seen { area * star.inverse(axis, side) } else { 0.0 };
             }
         }
     }
@@ -358,24 +385,21 @@ impl Scene<'_> {
         object: usize,
         round: &RoundNear,
         conductors: &[u16],
-        Unlinked { potentials, areas, distances, .. }: &mut Unlinked,
+        Unlinked { potentials, weights, .. }: &mut Unlinked,
     ) {
         let point = self.mesh.nodes[star.node];
-        let widths = [star.width(0), star.width(1), star.width(2)];
         let potentials = potentials.insert([0.0; POINTS]);
         potentials[0] = round.potential(point);
         for axis in 0..3 {
-            for upwards in [false, true] {
-                let neighbour = 1 + 2 * axis + usize::from(upwards);
-                let Some((node, distance)) = star.neighbour(axis, upwards) else { continue };
+            for side in 0..2 {
+                let neighbour = 1 + 2 * axis + side;
+                let (node, step) = star.step(axis, side);
                 let other = self.mesh.nodes[node];
-                if usize::from(conductors[node]) != object
-                    && self.surfaces.span(object, point, other).is_none()
-                {
-                    potentials[neighbour] = round.potential(other);
-                    areas[neighbour] = widths[(axis + 1) % 3] * widths[(axis + 2) % 3];
-                    distances[neighbour] = distance;
-                }
+                let is_seen = step != 0.0
+                    && usize::from(conductors[node]) != object
+                    && self.surfaces.span(object, point, other).is_none();
+                potentials[neighbour] = if is_seen { round.potential(other) } else { 0.0 };
+                weights[neighbour] = if is_seen { star.area(axis) * star.inverse(axis, side) } else { 0.0 };
             }
         }
     }
@@ -421,8 +445,9 @@ impl Scene<'_> {
     /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q.
     fn slope_from(&self, object: u16, potential: f64, nodes: [u32; 2]) -> f64 {
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
-        let Some(angle) = self.surfaces.right_angle_near(object.into(), from) else { return 0.0 };
-        let mut place = Places::<1>::default();
+        let KnownField::Edges(angles) = &self.fields[usize::from(object)] else { return 0.0 };
+        let Some(angle) = angles.nearest(from) else { return 0.0 };
+        let mut place = Places::<1>::ORIGIN;
         place.set(0, angle.coordinates(to));
         let [other] = place.potentials(angle.radius);
         other / potential - 1.0
@@ -434,6 +459,11 @@ pub(super) trait Cells {
     /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
     fn cells_to(&self, point: DVec3) -> f64;
 
+    /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
+    fn is_next(&self, _point: DVec3) -> bool {
+        false
+    }
+
     /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
     fn reach(&self) -> DVec3;
 
@@ -442,19 +472,26 @@ pub(super) trait Cells {
 }
 
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
+#[inline(always)]
 fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let part = part_at(cells, angle.place);
     if part <= 0.0 {
         return 0.0;
     }
     let size = cells.size_along(angle.along());
-    let from_ends = (angle.inside / size).clamp(0.0, 1.0);
-    let is_straight = (angle.radius / size - 1.0).clamp(0.0, 1.0);
+    // Most are far from ends, and most edges straight: no divisions for these.
+    let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
+    let is_straight =
+        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
     part * from_ends * is_straight
 }
 
 /// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
+#[inline(always)]
 fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
+    if cells.is_next(place) {
+        return 1.0;
+    }
     let part = ((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0);
     part * part * (3.0 - 2.0 * part)
 }

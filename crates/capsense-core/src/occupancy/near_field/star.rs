@@ -14,12 +14,24 @@ const PLANES: usize = FAR as usize;
 /// A plane of nodes across an axis.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
+    at: f64,
     /// How far the planes below and above are; zero where the lattice ends.
     ways: [f64; 2],
     /// Where they are, or this one where the lattice ends.
     next: [f64; 2],
+    /// The cells below and above and those behind them, the nearer first. Where the lattice ends, cells are as the last one.
+    cells: [[f64; PLANES]; 2],
+    /// One over the ways; zero where the lattice ends.
+    inverse: [f64; 2],
     /// How far what is less than [`FAR`] cells away may be.
     reach: f64,
+    /// Half of the way from one neighbour to the other.
+    width: f64,
+    /// The ways to the nearer and to the farther neighbour.
+    narrowest: f64,
+    longest: f64,
+    /// A bit for each neighbour that there is.
+    sides: u8,
 }
 
 impl Plane {
@@ -27,20 +39,58 @@ impl Plane {
         let at = planes[index];
         let next = [index.checked_sub(1), Some(index + 1)]
             .map(|next| next.and_then(|next| planes.get(next)).copied().unwrap_or(at));
-        let [below, above] = [at - next[0], next[1] - at];
+        let ways = [at - next[0], next[1] - at];
+        let [below, above] = ways;
+        let longest = below.max(above);
+        let narrowest = if below > 0.0 && above > 0.0 { below.min(above) } else { longest };
         // Behind the first and the last plane, cells are as those before it.
-        let two_below = if index > 1 { at - planes[index - 2] } else { 2.0 * below.max(above) };
-        let two_above = planes.get(index + 2).map_or(2.0 * below.max(above), |plane| plane - at);
-        Self { ways: [below, above], next, reach: two_below.max(two_above) }
+        let two_below = if index > 1 { at - planes[index - 2] } else { 2.0 * longest };
+        let two_above = planes.get(index + 2).map_or(2.0 * longest, |plane| plane - at);
+        let first = ways.map(|way| if way > 0.0 { way } else { longest });
+        let behind = [
+            index.checked_sub(2).map(|second| next[0] - planes[second]),
+            planes.get(index + 2).map(|second| second - next[1]),
+        ];
+        Self {
+            at,
+            ways,
+            next,
+            cells: [0, 1].map(|side| [first[side], behind[side].unwrap_or(first[side])]),
+            inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
+            reach: two_below.max(two_above),
+            width: 0.5 * (below + above),
+            narrowest,
+            longest,
+            sides: u8::from(below > 0.0) | u8::from(above > 0.0) << 1,
+        }
+    }
+
+    /// Cells to a coordinate, parts of them counted; no more than [`FAR`].
+    #[inline]
+    fn cells_to(&self, coordinate: f64) -> f64 {
+        let side = usize::from(coordinate > self.at);
+        let [first, second] = self.cells[side];
+        let part = (coordinate - self.at).abs() / first;
+        if part <= 1.0 || self.ways[side] == 0.0 {
+            return part.min(FAR);
+        }
+        (1.0 + (coordinate - self.next[side]).abs() / second).min(FAR)
     }
 }
 
-/// The planes of a lattice, and the row of nodes that was asked for last.
+/// The planes of a lattice.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Stars {
+pub(in super::super) struct Stars {
     planes: [Vec<Plane>; 3],
-    row: Range<usize>,
-    place: [usize; 3],
+    strides: [usize; 3],
+}
+
+/// The row of nodes that was asked for last.
+#[derive(Clone, Debug, Default)]
+pub(in super::super) struct Row {
+    nodes: Range<usize>,
+    /// Its planes across y and z.
+    place: [usize; 2],
 }
 
 impl Stars {
@@ -49,70 +99,98 @@ impl Stars {
             .axes()
             .each_ref()
             .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
-        Self { planes, row: 0..0, place: [0; 3] }
+        Self { planes, strides: lattice.strides() }
     }
 
     /// A node of the lattice, best in the row of the one before.
     #[inline]
-    pub(super) fn at<'a>(&mut self, lattice: &'a Lattice, node: usize) -> Star<'a> {
-        if !self.row.contains(&node) {
-            self.place = lattice.node_place(node);
-            let start = node - self.place[0];
-            self.row = start..start + lattice.node_counts()[0];
+    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
+        let [x, y, z] = &self.planes;
+        if !row.nodes.contains(&node) {
+            let number = node / x.len();
+            *row = Row {
+                nodes: number * x.len()..(number + 1) * x.len(),
+                place: [number % y.len(), number / y.len()],
+            };
         }
-        self.place[0] = node - self.row.start;
-        let plane = |axis: usize| self.planes[axis][self.place[axis]];
-        Star { lattice, node, place: self.place, planes: [plane(0), plane(1), plane(2)] }
+        let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
+        Star { node, strides: self.strides, planes }
     }
 }
 
 /// A node of the lattice and its neighbours.
-pub(super) struct Star<'a> {
-    lattice: &'a Lattice,
+pub(in super::super) struct Star<'a> {
     pub(super) node: usize,
-    place: [usize; 3],
-    planes: [Plane; 3],
+    strides: [usize; 3],
+    planes: [&'a Plane; 3],
 }
 
 impl Star<'_> {
+    /// Where the node is.
+    #[inline]
+    pub(in super::super) fn place(&self) -> DVec3 {
+        let [x, y, z] = self.planes;
+        DVec3::new(x.at, y.at, z.at)
+    }
+
+    /// How far the neighbours below and above along an axis are; zero where the lattice ends.
+    #[inline]
+    pub(in super::super) fn ways(&self, axis: usize) -> [f64; 2] {
+        self.planes[axis].ways
+    }
+
+    /// The plane of the neighbour above along an axis.
+    #[inline]
+    pub(in super::super) fn next(&self, axis: usize) -> f64 {
+        self.planes[axis].next[1]
+    }
+
     /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
     #[inline]
     pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
-        let way = self.planes[axis].ways[usize::from(upwards)];
-        let stride = self.lattice.strides()[axis];
-        (way > 0.0).then(|| (if upwards { self.node + stride } else { self.node - stride }, way))
+        let (node, step) = self.step(axis, usize::from(upwards));
+        (step != 0.0).then_some((node, step.abs()))
+    }
+
+    /// The neighbour below (0) or above (1) along an axis, and the way there, negative if below. Where the lattice ends, the
+    /// node itself.
+    #[inline]
+    pub(super) fn step(&self, axis: usize, side: usize) -> (usize, f64) {
+        let way = self.planes[axis].ways[side];
+        let stride = if way > 0.0 { self.strides[axis] } else { 0 };
+        if side == 0 { (self.node - stride, -way) } else { (self.node + stride, way) }
+    }
+
+    /// One over the way to a neighbour; zero where the lattice ends.
+    #[inline]
+    pub(super) fn inverse(&self, axis: usize, side: usize) -> f64 {
+        self.planes[axis].inverse[side]
     }
 
     /// Which of the node's edges exist: a bit for that to the neighbour below along each axis and that above.
+    #[inline]
     pub(super) fn sides(&self) -> u8 {
-        let mut sides = 0;
-        for (axis, plane) in self.planes.iter().enumerate() {
-            let [below, above] = plane.ways;
-            sides |= (u8::from(below > 0.0) | u8::from(above > 0.0) << 1) << (2 * axis);
-        }
-        sides
+        let [x, y, z] = self.planes;
+        x.sides | y.sides << 2 | z.sides << 4
     }
 
-    /// Half of the way to the neighbours along an axis.
-    pub(super) fn width(&self, axis: usize) -> f64 {
-        let [below, above] = self.planes[axis].ways;
-        0.5 * (below + above)
-    }
-
-    /// The way to the nearer neighbour along an axis.
-    fn narrowest(&self, axis: usize) -> f64 {
-        let [below, above] = self.planes[axis].ways;
-        if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) }
+    /// The area of the dual face of an edge along an axis.
+    #[inline]
+    pub(super) fn area(&self, axis: usize) -> f64 {
+        self.planes[(axis + 1) % 3].width * self.planes[(axis + 2) % 3].width
     }
 
     /// The way to the farthest neighbour.
+    #[inline]
     pub(super) fn longest(&self) -> f64 {
-        self.planes.iter().fold(0.0, |longest: f64, plane| longest.max(plane.ways[0]).max(plane.ways[1]))
+        let [x, y, z] = self.planes;
+        x.longest.max(y.longest).max(z.longest)
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
+    #[inline]
     pub(super) fn bounds(&self) -> Aabb {
-        let [x, y, z] = &self.planes;
+        let [x, y, z] = self.planes;
         let corner = |side: usize| DVec3::new(x.next[side], y.next[side], z.next[side]);
         Aabb { min: corner(0), max: corner(1) }
     }
@@ -120,46 +198,29 @@ impl Star<'_> {
 
 impl Cells for Star<'_> {
     /// Along the axis where there are most.
+    #[inline]
     fn cells_to(&self, point: DVec3) -> f64 {
-        let mut most = 0.0_f64;
-        for axis in 0..3 {
-            most = most.max(cells_to(&self.lattice.axes()[axis], self.place[axis], point[axis]));
-            if most >= FAR {
-                break;
-            }
-        }
-        most
+        let [x, y, z] = self.planes;
+        x.cells_to(point.x).max(y.cells_to(point.y)).max(z.cells_to(point.z))
     }
 
+    #[inline]
+    fn is_next(&self, point: DVec3) -> bool {
+        self.bounds().contains(point)
+    }
+
+    #[inline]
     fn reach(&self) -> DVec3 {
-        let [x, y, z] = &self.planes;
+        let [x, y, z] = self.planes;
         DVec3::new(x.reach, y.reach, z.reach)
     }
 
+    #[inline]
     fn size_along(&self, direction: DVec3) -> f64 {
+        let [x, y, z] = self.planes;
         let along = direction.abs();
-        along.x * self.narrowest(0) + along.y * self.narrowest(1) + along.z * self.narrowest(2)
+        along.x * x.narrowest + along.y * y.narrowest + along.z * z.narrowest
     }
-}
-
-/// Cells between a plane and a coordinate, parts of them counted; no more than [`FAR`]. Behind the last plane, cells are as
-/// the last one.
-fn cells_to(planes: &[f64], index: usize, coordinate: f64) -> f64 {
-    let upwards = coordinate > planes[index];
-    let mut at = index;
-    for cells in 0..PLANES {
-        let next = if upwards { at + 1 } else { at.wrapping_sub(1) };
-        let plane = planes.get(next).copied().unwrap_or_else(|| {
-            let last = if upwards { at - 1 } else { at + 1 };
-            2.0 * planes[at] - planes[last]
-        });
-        let part = (coordinate - planes[at]) / (plane - planes[at]);
-        if part <= 1.0 || next >= planes.len() {
-            return (cells as f64 + part).min(FAR);
-        }
-        at = next;
-    }
-    FAR
 }
 
 /// A region with all that is less than [`FAR`] cells away, none of which is larger than edges are long.
@@ -190,7 +251,7 @@ mod tests {
         let planes = [0.0, 1.0, 3.0, 7.0];
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
-        let cells = places.map(|(index, coordinate)| cells_to(&planes, index, coordinate));
+        let cells = places.map(|(index, coordinate)| Plane::of(&planes, index).cells_to(coordinate));
         assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
     }
 }

@@ -294,7 +294,7 @@ impl Unstructured {
 
     /// The same near a right angle.
     fn at_wedge(&self, scene: &Scene<'_>, node: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
-        let mut places = Places::default();
+        let mut places = Places::ORIGIN;
         places.set(0, angle.coordinates(scene.mesh.nodes[node]));
         let mut balance = Balance::of(places.potentials(angle.radius)[0]);
         let mut weights = [0.0; POINTS];

@@ -1,0 +1,81 @@
+//! What one frame asks of its objects: which conductor holds a node, and what an edge passes through.
+
+use super::coupling::touches;
+use super::near_field::KnownField;
+use super::{Contact, EdgeGeometry, NO_OBJECT, Span, Surfaces};
+use crate::geometry::Aabb;
+use crate::material::Material;
+use crate::sensor::{FREE, GROUND, Terminal};
+use glam::DVec3;
+
+/// Where everything is in one frame.
+pub(super) struct Scene<'a> {
+    pub(super) mesh: EdgeGeometry<'a>,
+    pub(super) materials: &'a [Material],
+    pub(super) surfaces: &'a dyn Surfaces,
+    pub(super) bounds: &'a [Aabb],
+    /// What is known of the field around each object.
+    pub(super) fields: &'a [KnownField],
+    /// Whether there are weak dielectrics on a lattice.
+    pub(super) has_weak: bool,
+    /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
+    pub(super) has_silhouettes: bool,
+    /// Whether there are strong dielectrics with exact surfaces on a lattice.
+    pub(super) has_faces: bool,
+}
+
+impl Scene<'_> {
+    pub(super) fn is_conductor(&self, object: usize) -> bool {
+        matches!(self.materials[object], Material::Conductor(_))
+    }
+
+    /// The conductor that holds a node.
+    pub(super) fn holder(&self, node: usize) -> u16 {
+        if self.mesh.terminals[node] != FREE {
+            return NO_OBJECT;
+        }
+        let point = self.mesh.nodes[node];
+        let holder = (0..self.materials.len()).find(|&object| {
+            self.is_conductor(object)
+                && self.bounds[object].contains(point)
+                && self.surfaces.contains(object, point)
+        });
+        holder.map_or(NO_OBJECT, |object| object as u16)
+    }
+
+    /// Collects the objects that an edge passes through, in the order in which they are listed.
+    pub(super) fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
+        self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
+    }
+
+    pub(super) fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
+        let around = Aabb { min: a.min(b), max: a.max(b) };
+        spans.clear();
+        for (object, bounds) in self.bounds.iter().enumerate() {
+            if bounds.intersects(&around)
+                && let Some(span) = self.surfaces.span(object, a, b)
+            {
+                spans.push((object as u16, span));
+            }
+        }
+    }
+
+    /// Electrodes at the ends of an edge with the conductors that touch them there.
+    pub(super) fn contacts<'b>(
+        &'b self,
+        ends: [u32; 2],
+        spans: &'b [(u16, Span)],
+    ) -> impl Iterator<Item = Contact> + 'b {
+        let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
+        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
+        let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
+        touching.flat_map(move |&(object, span)| {
+            let touched = terminals.into_iter().zip(touches(span));
+            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
+            electrodes.map(move |(terminal, _)| Contact {
+                object: usize::from(object),
+                electrode: usize::from(terminal) - 1,
+            })
+        })
+    }
+}
