@@ -6,8 +6,10 @@
 //! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
+//! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
 //! ```
 
+mod bars;
 mod cases;
 mod continuity;
 mod converge;
@@ -33,6 +35,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Bars(bars::BarsArguments),
     Table(table::TableArguments),
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
@@ -43,6 +46,7 @@ fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     match arguments.command {
         None => table::table(&arguments.table),
+        Some(Command::Bars(arguments)) => bars::bars(&arguments),
         Some(Command::Table(arguments)) => table::table(&arguments),
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
