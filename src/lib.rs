@@ -31,6 +31,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod error_bars;
 pub mod gmsh;
 pub mod motion;
 pub mod pipeline;
@@ -39,6 +40,7 @@ pub mod scene;
 
 pub use capsense_core as core;
 pub use capsense_render as render;
+pub use error_bars::ErrorEstimator;
 pub use pipeline::{Frame, Pipeline, PipelineError};
 pub use scene::{Scene, SceneError};
 

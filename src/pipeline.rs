@@ -4,6 +4,7 @@ use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::sensor::SensorError;
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
@@ -26,6 +27,9 @@ pub enum PipelineError {
     /// The field cannot be computed.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
+    /// The mesh cannot be halved to tell errors.
+    #[error("cannot halve the mesh to tell errors: {0}")]
+    Halved(SensorError),
 }
 
 /// How long the parts of a frame took, in milliseconds of wall-clock time.
@@ -152,6 +156,15 @@ impl Pipeline {
                 total: milliseconds(solved - started),
             },
         })
+    }
+
+    /// Has another simulator of the scene see what was seen in the last frame.
+    pub(crate) fn show_to(&self, simulator: &mut Simulator) -> Result<(), SimulatorError> {
+        match &self.eye {
+            Eye::Camera(camera) => simulator.update(&camera.layers)?,
+            Eye::Solids(solids) => simulator.update(solids)?,
+        };
+        Ok(())
     }
 
     /// The simulator in the state of the last frame.

@@ -85,6 +85,17 @@ fn run_writes_curves_table_and_report() {
         let [median, p95, max] = ["median", "p95", "max"].map(|rank| spread[rank].as_f64().unwrap());
         assert!(0.0 <= median && median <= p95 && p95 <= max, "{part}: {spread}");
     }
+    let bars = &report["error_bars"];
+    assert!(bars["every"].as_u64().unwrap() > 5);
+    assert!(bars["mesh"]["tets"].as_u64().unwrap() == 8 * report["mesh"]["tets"].as_u64().unwrap());
+    assert!(bars["milliseconds"]["setup"].as_f64().unwrap() > 0.0);
+    let frames = bars["frames"].as_array().unwrap();
+    assert_eq!(frames.iter().map(|frame| frame["frame"].as_u64().unwrap()).collect::<Vec<_>>(), [2]);
+    for key in ["error_farads", "change_error_farads"] {
+        let bars = matrix(&frames[0][key]);
+        assert_eq!(bars.len(), 2);
+        assert!(bars.iter().flatten().all(|bar| *bar > 0.0), "{bars:?}");
+    }
     assert_eq!(report["warnings"], serde_json::json!([]));
 }
 
@@ -191,8 +202,17 @@ fn solve_prints_one_json_object_that_is_a_maxwell_matrix() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     let solved: Value = serde_json::from_str(&outcome.stdout).unwrap();
     let keys: Vec<_> = solved.as_object().unwrap().keys().map(String::as_str).collect();
-    let expected =
-        ["base_farads", "capacitance_farads", "error_farads", "mesh", "milliseconds", "solver", "terminals"];
+    let expected = [
+        "base_farads",
+        "capacitance_farads",
+        "change_error_farads",
+        "change_farads",
+        "error_farads",
+        "mesh",
+        "milliseconds",
+        "solver",
+        "terminals",
+    ];
     assert_eq!(
         {
             let mut keys = keys;
@@ -221,6 +241,9 @@ fn solve_prints_one_json_object_that_is_a_maxwell_matrix() {
         assert!(error.iter().flatten().zip(c.iter().flatten()).all(|(e, c)| *e > 0.0 && *e < c.abs()));
     }
     let change = matrix(&solved["capacitance_farads"])[0][1] - matrix(&solved["base_farads"])[0][1];
+    approx::assert_relative_eq!(matrix(&solved["change_farads"])[0][1], change, max_relative = 1e-12);
+    let of_change = matrix(&solved["change_error_farads"])[0][1];
+    assert!(of_change > 0.0 && of_change < change, "{of_change}");
     assert!(change > 0.0, "a grounded bar above lowers the mutual capacitance: {change}");
 }
 

@@ -7,8 +7,10 @@
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
 //! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
+//! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
 //! ```
 
+mod bars;
 mod cases;
 mod continuity;
 mod converge;
@@ -35,6 +37,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Bars(bars::BarsArguments),
     Table(table::TableArguments),
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
@@ -46,6 +49,7 @@ fn main() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     match arguments.command {
         None => table::table(&arguments.table),
+        Some(Command::Bars(arguments)) => bars::bars(&arguments),
         Some(Command::Table(arguments)) => table::table(&arguments),
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),

@@ -1,5 +1,6 @@
 //! The subcommands and what they share: arguments and exit codes.
 
+mod bars;
 mod contacts;
 mod csv_table;
 mod curves;

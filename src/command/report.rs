@@ -1,5 +1,6 @@
 //! `report.json`: what was computed, how, how well and how fast.
 
+use super::bars::{BarLog, BarReport};
 use super::solve::preconditioner_name;
 use super::text::percentile;
 use capsense::pipeline::Milliseconds;
@@ -22,6 +23,8 @@ pub(super) struct Report<'a> {
     frames: Frames,
     milliseconds: Timing,
     base_farads: Vec<&'a [f64]>,
+    /// `null` where they cannot be told.
+    error_bars: Option<BarReport<'a>>,
     warnings: Vec<String>,
 }
 
@@ -140,8 +143,14 @@ impl<'a> Report<'a> {
                 total: Spread::of(frames, |took| took.total),
             },
             base_farads: pipeline.simulator().base().rows().collect(),
+            error_bars: None,
             warnings: Vec::new(),
         }
+    }
+
+    /// Tells how exact the frames are.
+    pub(super) fn with_error_bars(self, bars: &'a BarLog) -> Self {
+        Self { error_bars: bars.report(), ..self }
     }
 
     /// Tells what is odd about the run but no error.

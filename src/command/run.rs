@@ -1,5 +1,6 @@
 //! `capsense run`: all frames of a scene, to curves and a report.
 
+use super::bars::BarLog;
 use super::contacts::{ContactLog, print_warnings};
 use super::csv_table::{csv_table, upper_triangle};
 use super::curves::curves;
@@ -38,6 +39,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     let started = Instant::now();
     let mut pipeline = Pipeline::new(&scene)?;
     let setup = started.elapsed().as_secs_f64() * 1e3;
+    let mut bars = BarLog::new(&scene, &pipeline);
     let mesh = pipeline.simulator().sensor().mesh();
     let origin = RunOrigin::new(&scene, arguments.scene.as_deref(), mesh)
         .context("cannot tell where the scene file is")?;
@@ -49,6 +51,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         match pipeline.frame(frames.len()) {
             Ok(frame) => {
                 contacts.note(frame.index, &pipeline);
+                bars.note(&scene, &pipeline, &frame);
                 frames.push(frame);
             }
             Err(error) => failure = Some(error),
@@ -56,16 +59,18 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         progress.inc(1);
     }
     progress.finish_and_clear();
-    let contacts = contacts.warnings(&scene);
-    print_warnings(&contacts);
-    let warnings = [scene.warnings.as_slice(), &contacts].concat();
+    let found: Vec<String> = contacts.warnings(&scene).into_iter().chain(bars.warning().cloned()).collect();
+    print_warnings(&found);
+    let warnings = [scene.warnings.as_slice(), &found].concat();
     let complete = frames.len() == scene.frames;
     write_results(
         out,
         &scene,
         &pipeline,
         &frames,
-        &Report::new(origin, &scene, &pipeline, &frames, setup, !complete).with_warnings(warnings),
+        &Report::new(origin, &scene, &pipeline, &frames, setup, !complete)
+            .with_error_bars(&bars)
+            .with_warnings(warnings),
     )?;
     if let Some(error) = failure {
         let message = format!("frame {} failed; the frames before it are in {}", frames.len(), out.display());
@@ -81,7 +86,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     }
     if !arguments.quiet {
         let written = format!("Written to {}: {CURVES_FILE}, {DRAWING_FILE}, {REPORT_FILE}", out.display());
-        print_out(&format!("{}\n{written}\n", summary(&scene, &pipeline, &frames)))?;
+        print_out(&format!("{}\n{written}\n", summary(&scene, &pipeline, &frames, &bars)))?;
     }
     Ok(())
 }
@@ -111,9 +116,23 @@ fn write_results(
     write_whole(&out.join(REPORT_FILE), &serde_json::to_vec_pretty(report)?)
 }
 
-fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {
-    let base = pipeline.simulator().base();
+fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame], bars: &BarLog) -> String {
     let mesh = pipeline.simulator().sensor().mesh();
+    let mut text = format!(
+        "{}: {} frames, {} tetrahedra, surfaces by {}\n\n{}",
+        scene.source.file(),
+        frames.len(),
+        mesh.tets().len(),
+        pipeline.renderer(),
+        changes(scene, pipeline, frames, bars)
+    );
+    text.extend(bars.summary());
+    text + "\n" + &timing(frames)
+}
+
+/// For each entry: without objects, and how far objects change it.
+fn changes(scene: &Scene, pipeline: &Pipeline, frames: &[Frame], bars: &BarLog) -> String {
+    let base = pipeline.simulator().base();
     let entries = upper_triangle(scene.electrodes.len());
     let ranges: Vec<(usize, usize, f64, f64)> = entries
         .map(|(row, column)| {
@@ -132,6 +151,8 @@ fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {
         format!("no objects [{}]", base_unit.symbol),
         format!("smallest change [{}]", unit.symbol),
         format!("largest change [{}]", unit.symbol),
+        format!("its error [{}]", unit.symbol),
+        format!("error of the entry [{}]", base_unit.symbol),
     ]];
     rows.extend(ranges.iter().map(|&(row, column, low, high)| {
         vec![
@@ -139,8 +160,19 @@ fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {
             format!("{:.5}", base_unit.of(base.get(row, column))),
             format!("{:+.4}", unit.of(low)),
             format!("{:+.4}", unit.of(high)),
+            error(bars.largest(|bars| &bars.change, row, column), unit, 4),
+            error(bars.largest(|bars| &bars.capacitance, row, column), base_unit, 5),
         ]
     }));
+    table(&rows)
+}
+
+fn error(farads: Option<f64>, unit: Prefix, digits: usize) -> String {
+    farads.map_or("unknown".to_owned(), |farads| format!("{:.digits$}", unit.of(farads)))
+}
+
+/// What parts of frames took.
+fn timing(frames: &[Frame]) -> String {
     let mut timing = vec![["", "median [ms]", "95 % [ms]", "max [ms]"].map(str::to_owned).to_vec()];
     let mut part = |name: &str, spread: Spread| {
         let times = [spread.median, spread.p95, spread.max].map(|time| format!("{time:.3}"));
@@ -150,13 +182,5 @@ fn summary(scene: &Scene, pipeline: &Pipeline, frames: &[Frame]) -> String {
     part("update", Spread::of(frames, |took| took.update));
     part("solve", Spread::of(frames, |took| took.solve));
     part("frame", Spread::of(frames, |took| took.total));
-    format!(
-        "{}: {} frames, {} tetrahedra, surfaces by {}\n\n{}\n{}",
-        scene.source.file(),
-        frames.len(),
-        mesh.tets().len(),
-        pipeline.renderer(),
-        table(&rows),
-        table(&timing)
-    )
+    table(&timing)
 }

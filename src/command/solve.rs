@@ -1,10 +1,12 @@
 //! `capsense solve`: one frame, with error bars.
 
+use super::bars::BarLog;
 use super::contacts::{ContactLog, print_warnings};
 use super::output::print_out;
 use super::text::{Prefix, table};
 use super::{BadInput, load_scene};
 use capsense::core::capacitance::CapacitanceMatrix;
+use capsense::core::estimate::ErrorBars;
 use capsense::pipeline::Milliseconds;
 use capsense::run_folder::MeshSize;
 use capsense::{Frame, Pipeline, Scene};
@@ -33,7 +35,10 @@ pub(super) struct SolveArguments {
 struct Solved<'a> {
     terminals: &'a [String],
     capacitance_farads: Vec<&'a [f64]>,
-    error_farads: Vec<&'a [f64]>,
+    /// `null` where they cannot be told, as the next but one.
+    error_farads: Option<Vec<&'a [f64]>>,
+    change_farads: Vec<&'a [f64]>,
+    change_error_farads: Option<Vec<&'a [f64]>>,
     base_farads: Vec<&'a [f64]>,
     mesh: MeshSize,
     solver: SolverSummary,
@@ -62,13 +67,20 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
     let frame = pipeline.frame(arguments.frame)?;
     let mut contacts = ContactLog::default();
     contacts.note(arguments.frame, &pipeline);
-    print_warnings(&contacts.warnings(&scene));
-    let error = pipeline.simulator().error_estimate(&frame.solve);
+    let mut bars = BarLog::new(&scene, &pipeline);
+    bars.tell(&scene, &pipeline, &frame);
+    let warnings: Vec<String> =
+        contacts.warnings(&scene).into_iter().chain(bars.warning().cloned()).collect();
+    print_warnings(&warnings);
+    let bars = bars.last();
+    let change = frame.capacitance.minus(pipeline.simulator().base());
     if arguments.json {
         let solved = Solved {
             terminals: &scene.electrodes,
             capacitance_farads: frame.capacitance.rows().collect(),
-            error_farads: error.rows().collect(),
+            error_farads: bars.map(|bars| bars.capacitance.rows().collect()),
+            change_farads: change.rows().collect(),
+            change_error_farads: bars.map(|bars| bars.change.rows().collect()),
             base_farads: pipeline.simulator().base().rows().collect(),
             mesh: MeshSize::of(pipeline.simulator().sensor().mesh()),
             solver: SolverSummary {
@@ -80,28 +92,29 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
         };
         print_out(&(serde_json::to_string(&solved)? + "\n"))
     } else {
-        print_out(&readable(&scene, &pipeline, &frame, &error))
+        print_out(&readable(&scene, &pipeline, &frame, bars))
     }
 }
 
-fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, error: &CapacitanceMatrix) -> String {
-    let base = pipeline.simulator().base();
+fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, bars: Option<&ErrorBars>) -> String {
     let names = &scene.electrodes;
     let file = scene.source.file();
     let mut text = format!("Frame {} of {} at {:.4} s, {file}\n\n", frame.index, scene.frames, frame.time_s);
     let unit = Prefix::for_magnitude(largest(&frame.capacitance));
-    text += &format!("Maxwell capacitance matrix in {}, with the estimated error:\n", unit.symbol);
+    let said = if bars.is_some() { ", with error bars that hold nine of ten errors" } else { "" };
+    text += &format!("Maxwell capacitance matrix in {}{said}:\n", unit.symbol);
     text += &matrix(names, |row, column| {
-        let (value, error) = (frame.capacitance.get(row, column), error.get(row, column));
-        format!("{:.5} ± {:.5}", unit.of(value), unit.of(error))
+        let error = bars.map(|bars| format!(" ± {:.5}", unit.of(bars.capacitance.get(row, column))));
+        format!("{:.5}{}", unit.of(frame.capacitance.get(row, column)), error.unwrap_or_default())
     });
     if !scene.objects.is_empty() {
-        let change = |row, column| frame.capacitance.get(row, column) - base.get(row, column);
-        let changes =
-            (0..names.len()).flat_map(|row| (0..names.len()).map(move |column| change(row, column)));
-        let unit = Prefix::for_magnitude(changes.fold(0.0, |most, change| change.abs().max(most)));
+        let change = frame.capacitance.minus(pipeline.simulator().base());
+        let unit = Prefix::for_magnitude(largest(&change));
         text += &format!("\nChange by the objects in {}:\n", unit.symbol);
-        text += &matrix(names, |row, column| format!("{:+.4}", unit.of(change(row, column))));
+        text += &matrix(names, |row, column| {
+            let error = bars.map(|bars| format!(" ± {:.4}", unit.of(bars.change.get(row, column))));
+            format!("{:+.4}{}", unit.of(change.get(row, column)), error.unwrap_or_default())
+        });
     }
     let size = MeshSize::of(pipeline.simulator().sensor().mesh());
     let took = frame.milliseconds;

@@ -44,6 +44,17 @@ impl CapacitanceMatrix {
         self.farads.chunks_exact(self.size.max(1))
     }
 
+    /// By how much each entry exceeds that of another matrix.
+    ///
+    /// # Panics
+    /// When the other has another size.
+    #[must_use]
+    pub fn minus(&self, other: &Self) -> Self {
+        assert!(self.size == other.size, "{} terminals and {}", self.size, other.size);
+        let farads = self.farads.iter().zip(&other.farads).map(|(a, b)| a - b).collect();
+        Self { size: self.size, farads }
+    }
+
     /// Takes over the leading entries of a matrix of at least this size: all its other terminals at 0 V.
     pub(crate) fn copy_leading(&mut self, from: &Self) {
         let size = self.size;
@@ -63,20 +74,6 @@ impl CapacitanceMatrix {
             }
         }
         self.clear(object);
-    }
-
-    /// What [`CapacitanceMatrix::release`] will make, to first order, of the bound `error` on each entry.
-    pub(crate) fn release_error(&self, object: usize, to_ground: f64, error: &mut Self) {
-        let pivot = self.get(object, object) + to_ground;
-        let share = |t: usize| self.get(object, t) / pivot;
-        for s in (0..self.size).filter(|&s| s != object && pivot > 0.0) {
-            for t in (s..self.size).filter(|&t| t != object) {
-                let change = share(s) * error.get(object, t) + share(t) * error.get(object, s);
-                let square = share(s) * share(t) * error.get(object, object);
-                error.set(s, t, error.get(s, t) - change + square);
-            }
-        }
-        error.clear(object);
     }
 
     fn clear(&mut self, terminal: usize) {

@@ -1,10 +1,10 @@
 //! The main path of a frame: occupancy, stiffness, solve, capacitance.
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
-use crate::estimate::discretisation_error;
+use crate::estimate::{Capacitances, ErrorBars};
 use crate::fields::Fields;
 use crate::material::{Connection, Material};
-use crate::occupancy::{Contact, EdgeGeometry, Interface, InvalidDepth, NO_OBJECT, Occupancy, Surfaces};
+use crate::occupancy::{Contact, EdgeGeometry, Interface, InvalidDepth, Occupancy, Surfaces};
 use crate::sensor::{FREE, Sensor};
 use crate::solver::{CONTRAST, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
@@ -282,41 +282,15 @@ impl Simulator {
         &self.base
     }
 
-    /// Estimated error of each entry of [`Simulator::capacitance`] in farads, from the mesh and from the unfinished
-    /// iteration.
-    pub fn error_estimate(&self, report: &SolveReport) -> CapacitanceMatrix {
-        let columns = self.fields.columns();
-        let conductors = self.occupancy.conductors();
-        let of_mesh = discretisation_error(
-            self.sensor.mesh(),
-            columns,
-            |column, node| self.fields.potential(column, node),
-            |element| {
-                let [first, others @ ..] = self.sensor.mesh().tets()[element].map(|n| conductors[n as usize]);
-                first != NO_OBJECT && others.iter().all(|&other| other == first)
-            },
-        );
-        let mut error = CapacitanceMatrix::zeros(columns + 1);
-        for s in 0..columns {
-            for t in s..columns {
-                error.set(s, t, of_mesh.get(s, t));
-            }
-        }
-        let mut all = self.held.clone();
-        for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
-            all.release_error(object, to_ground, &mut error);
-            all.release(object, to_ground);
-        }
-        let capacitance = &self.capacitance;
-        let mut bars = CapacitanceMatrix::zeros(capacitance.size());
-        bars.copy_leading(&error);
-        for s in 0..bars.size() {
-            for t in s..bars.size() {
-                let scale = (capacitance.get(s, s) * capacitance.get(t, t)).sqrt();
-                bars.set(s, t, bars.get(s, t).abs() + report.relative_error * scale);
-            }
-        }
-        bars
+    /// Error bars of [`Simulator::capacitance`] and of its change from [`Simulator::base`]: from the mesh, as `halved` shows
+    /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration.
+    ///
+    /// # Panics
+    /// When the other simulator has another number of electrodes.
+    pub fn error_bars(&self, halved: &Simulator, report: &SolveReport) -> ErrorBars {
+        let [own, halved] =
+            [self, halved].map(|of| Capacitances { capacitance: &of.capacitance, base: &of.base });
+        ErrorBars::between(own, halved, report.relative_error)
     }
 
     /// The sensor.
@@ -403,7 +377,7 @@ mod tests {
     use super::*;
     use crate::electrode::{Electrode, Outline};
     use crate::geometry::Aabb;
-    use crate::occupancy::{DepthLayers, OrthographicView};
+    use crate::occupancy::{DepthLayers, NO_OBJECT, OrthographicView};
     use crate::sensor::SensorDesign;
     use glam::{DVec2, DVec3};
 

@@ -1,0 +1,129 @@
+//! Error bars beside capacitances: some frames are computed once more, on a mesh with all spacings halved.
+//!
+//! The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and
+//! a pipeline without it is as fast as if there were none. Bars tell of the mesh and of the unfinished iteration, not of what
+//! a camera's pixels leave out, nor of materials and places that are not as the scene says.
+
+use crate::pipeline::{Frame, Pipeline, PipelineError};
+use crate::scene::{Scene, SceneSensor};
+use capsense_core::estimate::{ErrorBars, HalvedMesh, halved_lattice};
+use capsense_core::mesh::TetMesh;
+use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorError};
+use capsense_core::simulator::Simulator;
+use capsense_core::solver::{Preconditioner, SolverOptions};
+
+/// The part of a run's time that the halved mesh may take, once it is made.
+const SHARE: f64 = 0.2;
+
+/// What a frame costs per node on the halved mesh, at most, in what it costs on the mesh: bodies have moved far since it was
+/// asked last, and less of it is in the processor's caches. Measured: docs/validation.md.
+const COST_OF_NODE: f64 = 8.0;
+
+/// Errors that the iteration leaves on the halved mesh, in those that it may leave on the mesh.
+const TOLERANCE: f64 = 0.1;
+
+/// Parts that a tetrahedron has in the halved mesh.
+const PARTS: usize = 8;
+
+/// Largest number of tetrahedra of a halved mesh: it needs about a gigabyte.
+const MOST_TETS: usize = 8_000_000;
+
+/// Tells error bars of the frames of a scene.
+#[derive(Debug)]
+pub struct ErrorEstimator {
+    halved: Simulator,
+    every: usize,
+    /// The first frame that they are told in.
+    first: usize,
+}
+
+impl ErrorEstimator {
+    /// Halves the mesh of a pipeline and solves the scene without objects on it. `None` where the halved mesh would have
+    /// more than eight million tetrahedra.
+    ///
+    /// # Errors
+    /// When the halved mesh is no mesh of the sensor, or the solver fails on it.
+    pub fn new(scene: &Scene, pipeline: &Pipeline) -> Result<Option<Self>, PipelineError> {
+        let sensor = pipeline.simulator().sensor();
+        if sensor.mesh().tets().len() > MOST_TETS / PARTS {
+            return Ok(None);
+        }
+        let halved = halved_sensor(scene, sensor).map_err(PipelineError::Halved)?;
+        let nodes = [sensor, &halved].map(|sensor| sensor.mesh().nodes().len() as f64);
+        let materials = scene.objects.iter().map(|object| object.material).collect();
+        let options = SolverOptions {
+            tolerance: TOLERANCE * scene.solver.tolerance,
+            preconditioner: Preconditioner::Multigrid,
+            ..scene.solver
+        };
+        let every = (COST_OF_NODE * nodes[1] / nodes[0] / SHARE).ceil() as usize;
+        Ok(Some(Self {
+            halved: Simulator::with_interface(halved, materials, options, scene.interface)?,
+            every,
+            first: every.min(scene.frames) / 2,
+        }))
+    }
+
+    /// In each how many frames bars are to be told for them to take less than a fifth of a run. It follows from the sizes of the
+    /// meshes alone.
+    pub fn every(&self) -> usize {
+        self.every
+    }
+
+    /// Whether bars are to be told in a frame: in the middle of each so many, or of a run that is shorter.
+    pub fn is_due(&self, frame: usize) -> bool {
+        frame % self.every == self.first
+    }
+
+    /// The mesh with all spacings halved.
+    pub fn mesh(&self) -> &TetMesh {
+        self.halved.sensor().mesh()
+    }
+
+    /// Error bars of the frame that a pipeline computed last.
+    ///
+    /// # Errors
+    /// When the solver fails on the halved mesh.
+    pub fn estimate(&mut self, pipeline: &Pipeline, frame: &Frame) -> Result<ErrorBars, PipelineError> {
+        pipeline.show_to(&mut self.halved)?;
+        let _ = self.halved.solve()?;
+        Ok(pipeline.simulator().error_bars(&self.halved, &frame.solve))
+    }
+}
+
+/// The sensor of a scene, given on the scene's mesh, on that with all spacings halved.
+///
+/// # Errors
+/// When this is no mesh of the sensor.
+pub fn halved_sensor(scene: &Scene, sensor: &Sensor) -> Result<Sensor, SensorError> {
+    match (&scene.sensor, sensor.lattice()) {
+        (SceneSensor::Generated { design, .. }, Some(lattice)) => {
+            Sensor::on_lattice(design, &halved_lattice(lattice)?)
+        }
+        (SceneSensor::Generated { design, .. }, None) => {
+            let owners = (0..).zip(sensor.owners());
+            let ground: Vec<u32> =
+                owners.filter(|(_, owner)| **owner == GROUND).map(|(node, _)| node).collect();
+            let shape =
+                |e: &capsense_core::electrode::Electrode| (e.name.clone(), ElectrodeNodes::Shape(e.clone()));
+            let electrodes: Vec<_> = design.electrodes.iter().map(shape).collect();
+            on_halved_mesh(sensor.mesh(), &ground, &electrodes)
+        }
+        (SceneSensor::Meshed { mesh, ground, electrodes }, _) => on_halved_mesh(mesh, ground, electrodes),
+    }
+}
+
+fn on_halved_mesh(
+    mesh: &TetMesh,
+    ground: &[u32],
+    electrodes: &[(String, ElectrodeNodes)],
+) -> Result<Sensor, SensorError> {
+    let halved = HalvedMesh::new(mesh)?;
+    let nodes_of = |nodes: &ElectrodeNodes| match nodes {
+        ElectrodeNodes::Nodes(nodes) => ElectrodeNodes::Nodes(halved.nodes_on(nodes)),
+        ElectrodeNodes::Shape(shape) => ElectrodeNodes::Shape(shape.clone()),
+    };
+    let electrodes = electrodes.iter().map(|(name, nodes)| (name.clone(), nodes_of(nodes))).collect();
+    let ground = halved.nodes_on(ground);
+    Sensor::on_mesh(halved.into_mesh(), &ground, electrodes)
+}
