@@ -2,11 +2,13 @@
 
 mod design;
 mod error;
+mod generated;
 mod grading;
 mod rim;
 
 pub use design::{SensorDesign, Substrate};
 pub use error::SensorError;
+pub use generated::MeshKind;
 pub use rim::RimLink;
 
 use crate::electrode::Electrode;
@@ -58,22 +60,8 @@ impl Sensor {
     /// As [`SensorDesign::validate`] and [`Sensor::on_mesh`].
     pub fn on_lattice(design: &SensorDesign, lattice: &Lattice) -> Result<Self, SensorError> {
         design.validate()?;
-        let mut mesh = lattice.to_tet_mesh()?;
         let slack = IN_PLANE * design.domain.size().max_element();
-        let on_wall = |node: DVec3| {
-            (node - design.domain.min).min_element() <= slack
-                || (design.domain.max - node).min_element() <= slack
-        };
-        let mut ground = nodes_where(&mesh, on_wall);
-        if let Some(board) = &design.substrate {
-            let bounds = board.bounds();
-            let centroids: Vec<_> = (0..mesh.tets().len()).map(|element| mesh.centroid(element)).collect();
-            let inside = board.relative_permittivity.value();
-            mesh = mesh.with_permittivity(|e| if bounds.contains(centroids[e]) { inside } else { 1.0 })?;
-            if board.grounded_back {
-                ground.extend(nodes_where(&mesh, |node| board.is_on_back(node, slack)));
-            }
-        }
+        let (mesh, ground) = design.with_ground_and_board(lattice.to_tet_mesh()?)?;
         let mut sensor = Self::without_electrodes(mesh, &ground)?;
         sensor.lattice = Some(lattice.clone());
         for (index, electrode) in design.electrodes.iter().enumerate() {
