@@ -6,12 +6,14 @@
 //! cargo run --release --example accuracy -- continuity   # a moving bar; writes continuity.csv and continuity.svg
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
+//! cargo run --release --example accuracy -- meshes       # what tolerances cost on each kind of mesh; --quick for two of three
 //! ```
 
 mod cases;
 mod continuity;
 mod converge;
 mod measure;
+mod meshes;
 mod plates;
 mod plot;
 mod references;
@@ -37,6 +39,7 @@ enum Command {
     Continuity(continuity::ContinuityArguments),
     Converge(converge::ConvergeArguments),
     Rims(rims::RimsArguments),
+    Meshes(meshes::MeshesArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -47,5 +50,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Continuity(arguments)) => continuity::continuity(&arguments),
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
+        Some(Command::Meshes(arguments)) => meshes::meshes(&arguments),
     }
 }

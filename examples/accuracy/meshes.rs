@@ -1,0 +1,214 @@
+//! `accuracy meshes`: what a tolerance of ΔC costs on every kind of mesh, and how well it is kept at poses that are no probes.
+
+use crate::cases::{BAR, stripes};
+use anyhow::{Context, Result};
+use capsense::Scene;
+use capsense::core::geometry::{Pose, Shape};
+use capsense::core::glam::{DQuat, DVec3};
+use capsense::core::material::{Connection, Material};
+use capsense::core::sensor::{MeshKind, Sensor, SensorDesign};
+use capsense::core::simulator::Simulator;
+use capsense::core::solids::Solids;
+use capsense::core::solver::SolverOptions;
+use capsense::core::workspace::{Change, MeshRequest};
+use clap::Args;
+use std::path::PathBuf;
+use std::time::Instant;
+
+const TOLERANCES: [f64; 3] = [0.03, 0.01, 0.003];
+
+/// Far below what is compared, also for bodies that change C by a thousandth.
+const EXACT: f64 = 1e-7;
+
+/// Of C, in frames that are timed.
+const OF_FRAMES: f64 = 1e-4;
+
+/// Tetrahedra of the lattice that errors are measured against.
+const REFERENCE: usize = 10_000_000;
+const QUICK_REFERENCE: usize = 1_500_000;
+
+/// Even lattices, and lattices and bisected ones beside those that were chosen.
+const SIZES: [usize; 5] = [30_000, 100_000, 300_000, 1_000_000, 3_000_000];
+
+/// The bar's way in millimetres: heights above the electrodes, and along y, 50 mm above them.
+const HEIGHTS: [i32; 2] = [20, 200];
+const ASIDE: [i32; 2] = [-120, 120];
+
+/// Meshes for tolerances: their errors and the time of a frame, beside lattices that are not graded
+#[derive(Args, Debug)]
+pub(crate) struct MeshesArguments {
+    /// Tolerances of 3 and 1 % only, and a coarser reference
+    #[arg(long)]
+    quick: bool,
+    /// A scene with the same three stripes on another mesh, for one more row
+    #[arg(long, value_name = "FILE.toml")]
+    scene: Option<PathBuf>,
+    /// Only meshes whose description contains this
+    #[arg(long, default_value = "")]
+    only: String,
+}
+
+/// A body at a pose.
+type Placed = (Shape, Pose);
+
+/// Prints one row for each mesh.
+pub(crate) fn meshes(arguments: &MeshesArguments) -> Result<()> {
+    let design = stripes();
+    let finest = if arguments.quick { QUICK_REFERENCE } else { REFERENCE };
+    let reference = Sensor::generated(&design, MeshKind::Lattice, finest)?;
+    let exact = [changes(&reference, &bars())?, changes(&reference, &others())?];
+    println!(
+        "Errors in % of the changes on a lattice of {} tetrahedra: the mean of the entries in the worst pose, and the worst \
+         entry. Milliseconds of a frame, update and solve, one thread, C to {OF_FRAMES:e}, mean of the ways there and back.\n",
+        reference.mesh().tets().len()
+    );
+    println!(
+        "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways |"
+    );
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|");
+    let row = |name: &str, sensor: &dyn Fn() -> Result<(Sensor, String)>| -> Result<()> {
+        if !name.contains(&arguments.only) {
+            return Ok(());
+        }
+        let (sensor, note) = sensor()?;
+        let mut cells = String::new();
+        for (bodies, exact) in [bars(), others()].iter().zip(&exact) {
+            let [of_all, largest] = worst(&changes(&sensor, bodies)?, exact)?;
+            cells += &format!(" {of_all:.2} | {largest:.2} |");
+        }
+        let tets = sensor.mesh().tets().len();
+        let [up, sideways] = milliseconds(&sensor)?;
+        println!("| {name}{note} | {tets} |{cells} {up:.3} | {sideways:.3} |");
+        Ok(())
+    };
+    let tolerances = if arguments.quick { &TOLERANCES[..2] } else { &TOLERANCES[..] };
+    for (name, kind) in [("lattice", MeshKind::Lattice), ("bisection", MeshKind::Bisection)] {
+        for &tolerance in tolerances {
+            let name = format!("{name}, tolerance {} %", 100.0 * tolerance);
+            row(&name, &|| chosen(&design, tolerance, kind))?;
+        }
+    }
+    for (name, kind) in [("lattice", MeshKind::Lattice), ("bisection", MeshKind::Bisection)] {
+        for size in sizes(finest) {
+            row(&format!("{name}, elements"), &|| {
+                Ok((Sensor::generated(&design, kind, size)?, String::new()))
+            })?;
+        }
+    }
+    for size in sizes(finest) {
+        row("even lattice", &|| Ok((even(&design, size)?, String::new())))?;
+    }
+    if let Some(path) = &arguments.scene {
+        let scene = Scene::load(path).context("the scene of --scene")?;
+        row("file", &|| Ok((scene.build_sensor()?, String::new())))?;
+    }
+    Ok(())
+}
+
+/// Those far enough below the reference.
+fn sizes(finest: usize) -> impl Iterator<Item = usize> {
+    SIZES.into_iter().filter(move |size| 3 * size <= finest)
+}
+
+/// The smallest mesh for a tolerance, and what its choice took and promised.
+fn chosen(design: &SensorDesign, tolerance: f64, kind: MeshKind) -> Result<(Sensor, String)> {
+    let start = Instant::now();
+    let choice = MeshRequest::new(design, tolerance, kind).choose(design)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let note = format!(" (estimated {:.2} %, chosen in {seconds:.1} s)", 100.0 * choice.error);
+    Ok((choice.sensor, note))
+}
+
+/// The finest lattice of nearly equal cells.
+fn even(design: &SensorDesign, elements: usize) -> Result<Sensor> {
+    let count = |spacing: f64| design.lattice_of_spacing(spacing, 1.0).map(|lattice| lattice.tet_count());
+    let (mut fits, mut exceeds) = (0.1, 1e-3);
+    for _ in 0..20 {
+        let middle = 0.5 * (fits + exceeds);
+        *(if count(middle)? <= elements { &mut fits } else { &mut exceeds }) = middle;
+    }
+    Ok(Sensor::on_lattice(design, &design.lattice_of_spacing(fits, 1.0)?)?)
+}
+
+/// Bars over the sensor, none of them where the choice of a mesh looks.
+fn bars() -> Vec<Placed> {
+    let over = [20.0, 25.0, 33.0, 50.0, 70.0, 100.0, 140.0, 200.0].map(|gap| [0.0, 0.0, gap]);
+    let aside =
+        [[0.0, 60.0, 20.0], [0.0, 60.0, 50.0], [50.0, 30.0, 35.0], [50.0, -30.0, 80.0], [0.0, -110.0, 50.0]];
+    let bar = |[x, y, gap]: [f64; 3]| {
+        (Shape::Box { size: BAR }, Pose::at(1e-3 * DVec3::new(x, y, gap) + 0.5 * BAR.z * DVec3::Z))
+    };
+    over.into_iter().chain(aside).map(bar).collect()
+}
+
+/// Bodies of other shapes, or turned.
+fn others() -> Vec<Placed> {
+    let at = |x: f64, y: f64, z: f64| Pose::at(1e-3 * DVec3::new(x, y, z));
+    let turned = |pose: Pose, axis: DVec3, degrees: f64| Pose {
+        rotation: DQuat::from_axis_angle(axis.normalize(), degrees.to_radians()),
+        ..pose
+    };
+    let ball = Shape::Sphere { radius: 0.04 };
+    let hand = Shape::Box { size: DVec3::new(0.1, 0.08, 0.03) };
+    let arm = Shape::Capsule { radius: 0.03, length: 0.1 };
+    vec![
+        (Shape::Box { size: BAR }, turned(at(0.0, 0.0, 60.0), DVec3::Z, 30.0)),
+        (Shape::Box { size: BAR }, turned(at(0.0, 0.0, 110.0), DVec3::X, 30.0)),
+        (ball.clone(), at(10.0, 5.0, 70.0)),
+        (ball, at(10.0, 5.0, 120.0)),
+        (hand.clone(), at(3.0, 2.0, 35.0)),
+        (hand, turned(at(0.0, 0.0, 80.0), DVec3::new(1.0, 1.0, 2.0), 25.0)),
+        (arm, turned(at(0.0, 10.0, 60.0), DVec3::X, 70.0)),
+    ]
+}
+
+fn simulator(sensor: &Sensor, tolerance: f64, threads: Option<usize>) -> Result<Simulator> {
+    let options = SolverOptions { tolerance, threads, ..SolverOptions::default() };
+    Ok(Simulator::new(sensor.clone(), vec![Material::Conductor(Connection::Grounded)], options)?)
+}
+
+fn changes(sensor: &Sensor, bodies: &[Placed]) -> Result<Vec<Change>> {
+    let mut simulator = simulator(sensor, EXACT, None)?;
+    let mut changes = Vec::new();
+    for (shape, pose) in bodies {
+        let mut solids = Solids::new(std::slice::from_ref(shape))?;
+        solids.place(&[*pose])?;
+        let _ = simulator.step(&solids)?;
+        changes.push(Change::between(simulator.base(), simulator.capacitance()));
+    }
+    Ok(changes)
+}
+
+/// In percent: the largest error of all entries of a pose, and that of one entry.
+fn worst(changes: &[Change], exact: &[Change]) -> Result<[f64; 2]> {
+    let mut worst = [0.0f64; 2];
+    for (change, exact) in changes.iter().zip(exact) {
+        let error = change.error(exact).context("a body that no electrode feels")?;
+        worst = [worst[0].max(100.0 * error.of_all), worst[1].max(100.0 * error.largest)];
+    }
+    Ok(worst)
+}
+
+/// The mean of all frames of the bar's ways up and down and sideways, 1 mm a frame; of the ways there and back the second.
+fn milliseconds(sensor: &Sensor) -> Result<[f64; 2]> {
+    let [low, high] = HEIGHTS;
+    let up = (low..high).chain((low..high).rev()).map(|gap| DVec3::new(0.0, 0.0, f64::from(gap) + 10.0));
+    let [left, right] = ASIDE;
+    let sideways = (left..right).chain((left..right).rev()).map(|y| DVec3::new(0.0, f64::from(y), 60.0));
+    let mut means = [0.0; 2];
+    for (mean, way) in means.iter_mut().zip([up.collect::<Vec<_>>(), sideways.collect()]) {
+        let mut simulator = simulator(sensor, OF_FRAMES, Some(1))?;
+        let mut solids = Solids::new(&[Shape::Box { size: BAR }])?;
+        let mut seconds = 0.0;
+        for (frame, place) in way.iter().chain(&way).enumerate() {
+            solids.place(&[Pose::at(1e-3 * *place)])?;
+            let start = Instant::now();
+            let _ = simulator.step(&solids)?;
+            if frame >= way.len() {
+                seconds += start.elapsed().as_secs_f64();
+            }
+        }
+        *mean = 1e3 * seconds / way.len() as f64;
+    }
+    Ok(means)
+}
