@@ -9,6 +9,7 @@ use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// Tetrahedra of the first lattice.
 const FIRST: usize = 4_000;
@@ -18,6 +19,9 @@ const FINER: f64 = 4.0;
 
 /// Tetrahedra of the finest lattice that others are compared with: it needs about 2 GB.
 const FINEST: usize = 8_000_000;
+
+/// Where it seems to take so many, none of the lattices that may follow will do.
+const HOPELESS: f64 = 1e9;
 
 /// By which factors that lattice may grow from one to the next.
 const STEPS: [f64; 2] = [2.0, 8.0];
@@ -47,14 +51,14 @@ pub enum WorkspaceError {
     /// Not even the finest mesh whose error can be estimated is exact enough.
     #[error(
         "no mesh of up to {tets} tetrahedra, as far as errors can be estimated, has an error of ΔC below {tolerance}: \
-         the best has {reached:.2e}"
+         that of the finest is about {reached:.1e}"
     )]
     OutOfReach {
         /// What was asked for.
         tolerance: f64,
-        /// The smallest estimated error of any mesh that was tried.
+        /// About the error of the finest mesh of which it can be estimated.
         reached: f64,
-        /// How many tetrahedra were tried at most.
+        /// How many tetrahedra that has.
         tets: usize,
     },
     /// The sensor cannot be meshed.
@@ -112,30 +116,32 @@ impl MeshRequest {
         if self.probes.places.is_empty() {
             return Err(WorkspaceError::NoPlace);
         }
-        let mut search = Search { request: self, design, tried: Vec::new() };
-        let mut reference = search.first()?;
-        let mut coarser: Option<Rung> = None;
+        let mut search = Search { request: self, design, tried: BTreeMap::new() };
+        let mut coarser = search.first()?;
+        let mut reference = search.finer_than(&coarser, STEPS[1])?;
         loop {
-            let foreseen = match &coarser {
-                Some(rung) => search.foreseen(rung, &reference)?,
-                None => f64::INFINITY,
-            };
-            if FINER * foreseen <= reference.tets as f64
-                && let Some(choice) = search.smallest(foreseen, &reference)?
+            let foreseen = search.foreseen(&coarser, &reference)?;
+            let is_finest = reference.allowed == FINEST;
+            let most = reference.tets as f64 / FINER;
+            if (foreseen <= most || is_finest)
+                && let Some(choice) = search.smallest(foreseen.min(most), &reference)?
             {
                 return Ok(choice);
             }
-            if reference.allowed == FINEST {
-                return match search.smallest(foreseen.min(reference.tets as f64 / FINER), &reference)? {
-                    Some(choice) => Ok(choice),
-                    None => Err(search.out_of_reach(&reference)),
-                };
+            if is_finest || foreseen > HOPELESS {
+                return Err(self.out_of_reach(foreseen));
             }
             let wanted = 1.25 * FINER * foreseen / reference.tets as f64;
-            let allowed = reference.tets as f64 * wanted.clamp(STEPS[0], STEPS[1]);
-            let finer = search.rung(MeshKind::Lattice, FINEST.min(allowed as usize))?.0;
-            coarser = Some(std::mem::replace(&mut reference, finer));
+            let finer = search.finer_than(&reference, wanted.clamp(STEPS[0], STEPS[1]))?;
+            coarser = std::mem::replace(&mut reference, finer);
         }
+    }
+
+    /// Tells what the finest mesh would reach, from how many tetrahedra it takes.
+    fn out_of_reach(&self, foreseen: f64) -> WorkspaceError {
+        let tets = (FINEST as f64 / FINER) as usize;
+        let reached = self.tolerance * (tets as f64 / foreseen).powf(ORDER);
+        WorkspaceError::OutOfReach { tolerance: self.tolerance, reached, tets }
     }
 }
 
@@ -149,26 +155,40 @@ struct Rung {
 struct Search<'a> {
     request: &'a MeshRequest,
     design: &'a SensorDesign,
-    /// Meshes of the kind wanted, the smallest first.
-    tried: Vec<Rung>,
+    /// Meshes of the kind wanted, by how many tetrahedra were allowed; none where they were too few for the electrodes.
+    tried: BTreeMap<usize, Option<Rung>>,
 }
 
 impl Search<'_> {
-    fn rung(&self, kind: MeshKind, allowed: usize) -> Result<(Rung, Sensor), WorkspaceError> {
+    fn rung(&self, kind: MeshKind, allowed: usize) -> Result<Rung, WorkspaceError> {
         let sensor = Sensor::generated(self.design, kind, allowed)?;
         let MeshRequest { tolerance, probes, threads, .. } = self.request;
-        let changes = probes.changes(sensor.clone(), *tolerance, *threads)?;
-        Ok((Rung { allowed, tets: sensor.mesh().tets().len(), changes }, sensor))
+        let tets = sensor.mesh().tets().len();
+        Ok(Rung { allowed, tets, changes: probes.changes(sensor, *tolerance, *threads)? })
     }
 
-    /// The first lattice: the smallest, where that is larger than usual.
+    /// The first lattice: the smallest that resolves the electrodes, where that is larger than usual.
     fn first(&self) -> Result<Rung, WorkspaceError> {
-        match self.rung(MeshKind::Lattice, FIRST) {
-            Err(WorkspaceError::Sensor(SensorError::TooFewElements { needed, .. })) => {
-                Ok(self.rung(MeshKind::Lattice, needed)?.0)
-            }
-            rung => Ok(rung?.0),
+        let mut allowed = FIRST;
+        loop {
+            allowed = match self.rung(MeshKind::Lattice, allowed) {
+                Err(WorkspaceError::Sensor(SensorError::TooFewElements { needed, .. }))
+                    if (allowed + 1..=FINEST).contains(&needed) =>
+                {
+                    needed
+                }
+                Err(WorkspaceError::Sensor(SensorError::OwnsNoNode(_))) if 2 * allowed <= FINEST => {
+                    2 * allowed
+                }
+                rung => return rung,
+            };
         }
+    }
+
+    /// A lattice of so many times as many tetrahedra.
+    fn finer_than(&self, rung: &Rung, times: f64) -> Result<Rung, WorkspaceError> {
+        let allowed = FINEST.min((rung.allowed as f64 * times) as usize);
+        self.rung(MeshKind::Lattice, allowed)
     }
 
     /// The estimated error of a mesh, the largest of all probes.
@@ -178,6 +198,9 @@ impl Search<'_> {
         for ((ours, theirs), place) in rung.changes.iter().zip(&reference.changes).zip(places) {
             let error = ours.error(theirs).ok_or(WorkspaceError::NotFelt(*place))?;
             difference = difference.max(error.of_all);
+        }
+        if rung.tets >= reference.tets {
+            return Ok(f64::INFINITY);
         }
         let left = (reference.tets as f64 / rung.tets as f64).powf(ORDER);
         Ok(difference / (1.0 - left))
@@ -198,31 +221,21 @@ impl Search<'_> {
             if allowed as f64 > most {
                 return Ok(None);
             }
-            let known = self.tried.iter().position(|rung| rung.allowed == allowed);
-            let index = match known {
-                Some(index) => index,
-                None => match self.rung(self.request.kind, allowed) {
-                    Ok((rung, _)) => {
-                        self.tried.push(rung);
-                        self.tried.len() - 1
-                    }
-                    Err(WorkspaceError::Sensor(_)) => continue,
-                    Err(error) => return Err(error),
-                },
-            };
-            let error = self.error(&self.tried[index], reference)?;
+            if !self.tried.contains_key(&allowed) {
+                let rung = match self.rung(self.request.kind, allowed) {
+                    // Too few for the electrodes.
+                    Err(WorkspaceError::Sensor(_)) => None,
+                    rung => Some(rung?),
+                };
+                self.tried.insert(allowed, rung);
+            }
+            let Some(Some(rung)) = self.tried.get(&allowed) else { continue };
+            let error = self.error(rung, reference)?;
             if error < self.request.tolerance {
                 let sensor = Sensor::generated(self.design, self.request.kind, allowed)?;
                 return Ok(Some(MeshChoice { sensor, allowed, error, compared_with: reference.tets }));
             }
         }
         Ok(None)
-    }
-
-    fn out_of_reach(&self, reference: &Rung) -> WorkspaceError {
-        let errors = self.tried.iter().filter_map(|rung| self.error(rung, reference).ok());
-        let reached = errors.fold(f64::INFINITY, f64::min);
-        let tets = self.tried.iter().map(|rung| rung.tets).max().unwrap_or(0);
-        WorkspaceError::OutOfReach { tolerance: self.request.tolerance, reached, tets }
     }
 }

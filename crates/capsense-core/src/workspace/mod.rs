@@ -44,6 +44,9 @@ const ASIDE: f64 = 0.6;
 /// What the solver may leave of C, in relation to the tolerance of ΔC: bodies far away change C by a thousandth.
 const SOLVED: f64 = 3e-5;
 
+/// What it leaves of C at least.
+const FINEST_SOLVED: f64 = 1e-10;
+
 /// A grounded plate parallel to the electrodes, and the places where its centre is put.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probes {
@@ -54,8 +57,8 @@ pub struct Probes {
 }
 
 impl Probes {
-    /// Four heights over the middle of the electrodes, from a fifth of their side to nearly half of the room above them, and
-    /// four places aside of the lower three.
+    /// Six heights over the middle of the electrodes, from a fifth of their side to nearly half of the room above them, and
+    /// four places to the sides at lower heights.
     pub fn around(design: &SensorDesign) -> Self {
         let plate = Self::plate_of(design);
         let (low, high) = electrode_bounds(design);
@@ -69,8 +72,10 @@ impl Probes {
         };
         let places = [
             (0.0, DVec2::ZERO),
-            (1.0, DVec2::ZERO),
-            (2.0, DVec2::ZERO),
+            (0.6, DVec2::ZERO),
+            (1.2, DVec2::ZERO),
+            (1.8, DVec2::ZERO),
+            (2.4, DVec2::ZERO),
             (3.0, DVec2::ZERO),
             (0.0, DVec2::Y),
             (1.0, DVec2::X),
@@ -107,7 +112,11 @@ impl Probes {
         tolerance: f64,
         threads: Option<usize>,
     ) -> Result<Vec<Change>, WorkspaceError> {
-        let options = SolverOptions { tolerance: SOLVED * tolerance, threads, ..SolverOptions::default() };
+        let options = SolverOptions {
+            tolerance: (SOLVED * tolerance).max(FINEST_SOLVED),
+            threads,
+            ..SolverOptions::default()
+        };
         let plate = Material::Conductor(Connection::Grounded);
         let mut simulator = Simulator::new(sensor, vec![plate], options)?;
         let mut solids = Solids::new(&[Shape::Box { size: self.plate }])?;
