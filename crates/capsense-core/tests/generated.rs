@@ -83,7 +83,7 @@ fn covered(mesh: &TetMesh, domain: &Aabb, axis: usize, plane: f64) -> f64 {
 #[test]
 fn bisected_meshes_conform_and_have_no_flat_elements() {
     for (design, smallest) in [(three_stripes(), SMALLEST_ANGLE), (with_board(), SMALLEST_ANGLE_WITH_BOARD)] {
-        for elements in [10_000, 60_000] {
+        for elements in [30_000, 60_000] {
             let sensor = Sensor::generated(&design, MeshKind::Bisection, elements).unwrap();
             let mesh = sensor.mesh();
             assert_conforming(mesh, &design.domain);
