@@ -19,7 +19,6 @@ fn root() -> &'static Path {
 /// A fenced block of a document.
 struct Block {
     document: String,
-    heading: String,
     language: String,
     lines: Vec<String>,
 }
@@ -38,25 +37,20 @@ fn text_of(path: &Path) -> String {
 fn blocks() -> Vec<Block> {
     let mut blocks = Vec::new();
     for path in documents() {
-        let (mut heading, mut open) = (String::new(), None::<Block>);
+        let mut open = None::<Block>;
         for line in text_of(&path).lines() {
             match (line.strip_prefix("```"), &mut open) {
                 (Some(language), None) => {
                     assert!(!language.is_empty(), "{}: a block without a language", path.display());
                     open = Some(Block {
                         document: path.display().to_string(),
-                        heading: heading.clone(),
                         language: language.to_owned(),
                         lines: Vec::new(),
                     });
                 }
                 (Some(_), Some(_)) => blocks.extend(open.take()),
                 (None, Some(block)) => block.lines.push(line.to_owned()),
-                (None, None) => {
-                    if let Some(text) = line.strip_prefix('#') {
-                        heading = text.trim_start_matches(['#', ' ']).to_owned();
-                    }
-                }
+                (None, None) => {}
             }
         }
         assert!(open.is_none(), "{}: a block that does not end", path.display());
@@ -173,7 +167,7 @@ fn the_first_frame_of_every_scene_computes() {
     let folder = tempfile::tempdir().unwrap();
     copy(&root().join("assets"), &folder.path().join("assets"));
     let scenes = folder.path().join("assets/scenes");
-    let shown = blocks().into_iter().filter(|b| b.language == "toml" && b.heading != REFUSED);
+    let shown = blocks().into_iter().filter(|b| b.language == "toml");
     for (index, block) in shown.enumerate() {
         std::fs::write(scenes.join(format!("document_{index}.toml")), block.lines.join("\n")).unwrap();
     }

@@ -338,7 +338,13 @@ const CASES: &[Case] = &[
     case("tolerance = 1e-4", "tolerance = 1e-15", "tolerance", "solver.tolerance", "must be at least 1e-14"),
     case("threads = 0", "threads = -1", "threads", "solver.threads", "must be from 0"),
     // Meshes for a tolerance.
-    case("elements = 8000", "kind = \"lattice\"", "generate", "mesh.generate", "needs `elements` or `tolerance`"),
+    case(
+        "elements = 8000",
+        "kind = \"lattice\"",
+        "generate",
+        "mesh.generate",
+        "needs `elements` or `tolerance`",
+    ),
     case(
         "elements = 8000",
         "elements = 8000, tolerance = 0.1",

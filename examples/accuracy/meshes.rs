@@ -27,7 +27,7 @@ const OF_FRAMES: f64 = 1e-4;
 const REFERENCE: usize = 10_000_000;
 const QUICK_REFERENCE: usize = 1_500_000;
 
-/// Even lattices, and lattices and bisected ones beside those that were chosen.
+/// Numbers of tetrahedra of meshes beside those that were chosen.
 const SIZES: [usize; 5] = [30_000, 100_000, 300_000, 1_000_000, 3_000_000];
 
 /// The bar's way in millimetres: heights above the electrodes, and along y, 50 mm above them.
@@ -46,6 +46,12 @@ pub(crate) struct MeshesArguments {
     /// Only meshes whose description contains this
     #[arg(long, default_value = "")]
     only: String,
+    /// Numbers of tetrahedra of meshes that are not chosen by tolerance
+    #[arg(long, value_delimiter = ',', default_values_t = SIZES)]
+    elements: Vec<usize>,
+    /// Only times, no errors
+    #[arg(long)]
+    times: bool,
 }
 
 /// A body at a pose.
@@ -54,60 +60,80 @@ type Placed = (Shape, Pose);
 /// Prints one row for each mesh.
 pub(crate) fn meshes(arguments: &MeshesArguments) -> Result<()> {
     let design = stripes();
-    let finest = if arguments.quick { QUICK_REFERENCE } else { REFERENCE };
-    let reference = Sensor::generated(&design, MeshKind::Lattice, finest)?;
-    let exact = [changes(&reference, &bars())?, changes(&reference, &others())?];
-    println!(
-        "Errors in % of the changes on a lattice of {} tetrahedra: the mean of the entries in the worst pose, and the worst \
-         entry. Milliseconds of a frame, update and solve, one thread, its own time, C to {OF_FRAMES:e}, means of the ways there and back.\n",
-        reference.mesh().tets().len()
-    );
-    println!(
-        "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways |"
-    );
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|");
-    let row = |name: &str, sensor: &dyn Fn() -> Result<(Sensor, String)>| -> Result<()> {
-        if !name.contains(&arguments.only) {
-            return Ok(());
-        }
-        let (sensor, note) = sensor()?;
-        let mut cells = String::new();
-        for (bodies, exact) in [bars(), others()].iter().zip(&exact) {
-            let [of_all, largest] = worst(&changes(&sensor, bodies)?, exact)?;
-            cells += &format!(" {of_all:.2} | {largest:.2} |");
-        }
-        let tets = sensor.mesh().tets().len();
-        let [up, sideways] = milliseconds(&sensor)?;
-        println!("| {name}{note} | {tets} |{cells} {up:.3} | {sideways:.3} |");
-        Ok(())
-    };
+    let table = Table::begin(arguments, &design)?;
+    let kinds = [("lattice", MeshKind::Lattice), ("bisection", MeshKind::Bisection)];
     let tolerances = if arguments.quick { &TOLERANCES[..2] } else { &TOLERANCES[..] };
-    for (name, kind) in [("lattice", MeshKind::Lattice), ("bisection", MeshKind::Bisection)] {
+    for (name, kind) in kinds {
         for &tolerance in tolerances {
             let name = format!("{name}, tolerance {} %", 100.0 * tolerance);
-            row(&name, &|| chosen(&design, tolerance, kind))?;
+            table.row(&name, || chosen(&design, tolerance, kind))?;
         }
     }
-    for (name, kind) in [("lattice", MeshKind::Lattice), ("bisection", MeshKind::Bisection)] {
-        for size in sizes(finest) {
-            row(&format!("{name}, elements"), &|| {
-                Ok((Sensor::generated(&design, kind, size)?, String::new()))
-            })?;
+    for (name, kind) in kinds {
+        for &size in &arguments.elements {
+            let sensor = || Ok((Sensor::generated(&design, kind, size)?, String::new()));
+            table.row(&format!("{name}, elements"), sensor)?;
         }
     }
-    for size in sizes(finest) {
-        row("even lattice", &|| Ok((even(&design, size)?, String::new())))?;
+    for &size in &arguments.elements {
+        table.row("even lattice", || Ok((even(&design, size)?, String::new())))?;
     }
     if let Some(path) = &arguments.scene {
         let scene = Scene::load(path).context("the scene of --scene")?;
-        row("file", &|| Ok((scene.build_sensor()?, String::new())))?;
+        table.row("file", || Ok((scene.build_sensor()?, String::new())))?;
     }
     Ok(())
 }
 
-/// Those far enough below the reference.
-fn sizes(finest: usize) -> impl Iterator<Item = usize> {
-    SIZES.into_iter().filter(move |size| 3 * size <= finest)
+/// What rows are compared with.
+struct Table {
+    /// Of bars and of other bodies, if errors are asked for.
+    exact: Option<[Vec<Change>; 2]>,
+    only: String,
+}
+
+impl Table {
+    fn begin(arguments: &MeshesArguments, design: &SensorDesign) -> Result<Self> {
+        let finest = if arguments.quick { QUICK_REFERENCE } else { REFERENCE };
+        let exact = match arguments.times {
+            true => None,
+            false => {
+                let reference = Sensor::generated(design, MeshKind::Lattice, finest)?;
+                Some([changes(&reference, &bars())?, changes(&reference, &others())?])
+            }
+        };
+        println!(
+            "Errors in % of the changes on a lattice of up to {finest} tetrahedra: the mean of the entries in the worst pose, and \
+             the worst entry. Milliseconds of a frame, update and solve, one thread, its own time, C to {OF_FRAMES:e}, means of \
+             ways there and back.\n"
+        );
+        println!(
+            "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways |"
+        );
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|");
+        Ok(Self { exact, only: arguments.only.clone() })
+    }
+
+    /// Prints a row, if it is wanted: of a sensor and what else there is to say of it.
+    fn row(&self, name: &str, sensor: impl Fn() -> Result<(Sensor, String)>) -> Result<()> {
+        if !name.contains(&self.only) {
+            return Ok(());
+        }
+        let (sensor, note) = sensor()?;
+        let cells = match &self.exact {
+            None => " | | | |".to_owned(),
+            Some(exact) => {
+                let errors = [bars(), others()].into_iter().zip(exact).map(|(bodies, exact)| {
+                    let [of_all, largest] = worst(&changes(&sensor, &bodies)?, exact)?;
+                    Ok(format!(" {of_all:.2} | {largest:.2} |"))
+                });
+                errors.collect::<Result<String>>()?
+            }
+        };
+        let [up, sideways] = milliseconds(&sensor)?;
+        println!("| {name}{note} | {} |{cells} {up:.3} | {sideways:.3} |", sensor.mesh().tets().len());
+        Ok(())
+    }
 }
 
 /// The smallest mesh for a tolerance, and what its choice took and promised.

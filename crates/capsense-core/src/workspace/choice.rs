@@ -1,15 +1,14 @@
 //! The smallest mesh whose estimated error of ΔC is below a tolerance.
 //!
-//! Lattices that grow tell how many tetrahedra it may take. Sizes from a third of that number up are then tried one after the
+//! Lattices that grow tell how many tetrahedra it may take. Sizes from half of that number up are then tried one after the
 //! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
-use super::{Change, Probes};
+use super::{Change, Probed, Probes};
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
 use glam::DVec3;
-use std::collections::BTreeMap;
 
 /// Tetrahedra of the first lattice.
 const FIRST: usize = 4_000;
@@ -30,8 +29,11 @@ const STEPS: [f64; 2] = [2.0, 8.0];
 const ORDER: f64 = -2.0 / 3.0;
 
 /// The size first tried in parts of the one foreseen, and by which factor sizes follow each other.
-const TRIED_FIRST: f64 = 1.0 / 3.0;
+const TRIED_FIRST: f64 = 0.5;
 const TRIED_NEXT: f64 = 1.189_207_115_002_721;
+
+/// The smallest size, as a power of the latter from the first lattice: a quarter of it.
+const LEAST_STEP: f64 = -8.0;
 
 /// Why no mesh can be chosen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -116,7 +118,7 @@ impl MeshRequest {
         if self.probes.places.is_empty() {
             return Err(WorkspaceError::NoPlace);
         }
-        let mut search = Search { request: self, design, tried: BTreeMap::new() };
+        let mut search = Search { request: self, design, step: None };
         let mut coarser = search.first()?;
         let mut reference = search.finer_than(&coarser, STEPS[1])?;
         loop {
@@ -145,7 +147,7 @@ impl MeshRequest {
     }
 }
 
-/// What the plate changes on one mesh.
+/// What the plate changes on one lattice.
 struct Rung {
     allowed: usize,
     tets: usize,
@@ -155,23 +157,29 @@ struct Rung {
 struct Search<'a> {
     request: &'a MeshRequest,
     design: &'a SensorDesign,
-    /// Meshes of the kind wanted, by how many tetrahedra were allowed; none where they were too few for the electrodes.
-    tried: BTreeMap<usize, Option<Rung>>,
+    /// The first size of the wanted mesh that has not been tried, as a power of [`TRIED_NEXT`].
+    step: Option<i32>,
 }
 
 impl Search<'_> {
-    fn rung(&self, kind: MeshKind, allowed: usize) -> Result<Rung, WorkspaceError> {
-        let sensor = Sensor::generated(self.design, kind, allowed)?;
+    fn probed(&self, sensor: Sensor) -> Result<Probed, WorkspaceError> {
         let MeshRequest { tolerance, probes, threads, .. } = self.request;
+        Probed::new(sensor, probes.plate, *tolerance, *threads)
+    }
+
+    fn rung(&self, allowed: usize) -> Result<Rung, WorkspaceError> {
+        let sensor = Sensor::generated(self.design, MeshKind::Lattice, allowed)?;
         let tets = sensor.mesh().tets().len();
-        Ok(Rung { allowed, tets, changes: probes.changes(sensor, *tolerance, *threads)? })
+        let mut probed = self.probed(sensor)?;
+        let changes = self.request.probes.places.iter().map(|&place| probed.change(place));
+        Ok(Rung { allowed, tets, changes: changes.collect::<Result<_, _>>()? })
     }
 
     /// The first lattice: the smallest that resolves the electrodes, where that is larger than usual.
     fn first(&self) -> Result<Rung, WorkspaceError> {
         let mut allowed = FIRST;
         loop {
-            allowed = match self.rung(MeshKind::Lattice, allowed) {
+            allowed = match self.rung(allowed) {
                 Err(WorkspaceError::Sensor(SensorError::TooFewElements { needed, .. }))
                     if (allowed + 1..=FINEST).contains(&needed) =>
                 {
@@ -187,55 +195,71 @@ impl Search<'_> {
 
     /// A lattice of so many times as many tetrahedra.
     fn finer_than(&self, rung: &Rung, times: f64) -> Result<Rung, WorkspaceError> {
-        let allowed = FINEST.min((rung.allowed as f64 * times) as usize);
-        self.rung(MeshKind::Lattice, allowed)
+        self.rung(FINEST.min((rung.allowed as f64 * times) as usize))
     }
 
-    /// The estimated error of a mesh, the largest of all probes.
-    fn error(&self, rung: &Rung, reference: &Rung) -> Result<f64, WorkspaceError> {
-        let mut difference = 0.0f64;
+    /// The estimated error of a mesh of so many tetrahedra with the plate at one of the places.
+    fn error(
+        &self,
+        tets: usize,
+        change: &Change,
+        reference: &Rung,
+        at: usize,
+    ) -> Result<f64, WorkspaceError> {
         let places = &self.request.probes.places;
-        for ((ours, theirs), place) in rung.changes.iter().zip(&reference.changes).zip(places) {
-            let error = ours.error(theirs).ok_or(WorkspaceError::NotFelt(*place))?;
-            difference = difference.max(error.of_all);
-        }
-        if rung.tets >= reference.tets {
+        let error = change.error(&reference.changes[at]).ok_or(WorkspaceError::NotFelt(places[at]))?;
+        if tets >= reference.tets {
             return Ok(f64::INFINITY);
         }
-        let left = (reference.tets as f64 / rung.tets as f64).powf(ORDER);
-        Ok(difference / (1.0 - left))
+        let left = (reference.tets as f64 / tets as f64).powf(ORDER);
+        Ok(error.of_all / (1.0 - left))
     }
 
     /// How many tetrahedra it takes if errors fall as they should from those of a lattice.
     fn foreseen(&self, rung: &Rung, reference: &Rung) -> Result<f64, WorkspaceError> {
-        let ratio = self.error(rung, reference)? / self.request.tolerance;
-        Ok(rung.tets as f64 * ratio.powf(-1.0 / ORDER))
+        let mut largest = 0.0f64;
+        for (at, change) in rung.changes.iter().enumerate() {
+            largest = largest.max(self.error(rung.tets, change, reference, at)?);
+        }
+        Ok(rung.tets as f64 * (largest / self.request.tolerance).powf(-1.0 / ORDER))
     }
 
-    /// The smallest mesh that is exact enough, of those from which the reference is far enough.
+    /// The smallest mesh that is exact enough, of those from which the reference is far enough. What was not before, with
+    /// a coarser reference, is not tried again.
     fn smallest(&mut self, foreseen: f64, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
         let most = reference.tets as f64 / FINER;
-        let first = (TRIED_FIRST * foreseen / FIRST as f64).log(TRIED_NEXT).floor().max(-8.0) as i32;
-        for step in first.. {
+        let first = (TRIED_FIRST * foreseen / FIRST as f64).log(TRIED_NEXT).floor().max(LEAST_STEP) as i32;
+        for step in self.step.unwrap_or(first).. {
             let allowed = (FIRST as f64 * TRIED_NEXT.powi(step)) as usize;
+            self.step = Some(step);
             if allowed as f64 > most {
-                return Ok(None);
+                break;
             }
-            if !self.tried.contains_key(&allowed) {
-                let rung = match self.rung(self.request.kind, allowed) {
-                    // Too few for the electrodes.
-                    Err(WorkspaceError::Sensor(_)) => None,
-                    rung => Some(rung?),
-                };
-                self.tried.insert(allowed, rung);
-            }
-            let Some(Some(rung)) = self.tried.get(&allowed) else { continue };
-            let error = self.error(rung, reference)?;
-            if error < self.request.tolerance {
-                let sensor = Sensor::generated(self.design, self.request.kind, allowed)?;
-                return Ok(Some(MeshChoice { sensor, allowed, error, compared_with: reference.tets }));
+            if let Some(choice) = self.exact_enough(allowed, reference)? {
+                return Ok(Some(choice));
             }
         }
         Ok(None)
+    }
+
+    /// A mesh of at most so many tetrahedra, if it is exact enough; places are looked at until it is not.
+    fn exact_enough(&self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+        let MeshRequest { tolerance, kind, probes, .. } = self.request;
+        let sensor = match Sensor::generated(self.design, *kind, allowed) {
+            // Too few for the electrodes.
+            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => return Ok(None),
+            sensor => sensor?,
+        };
+        let tets = sensor.mesh().tets().len();
+        let mut probed = self.probed(sensor)?;
+        let mut largest = 0.0f64;
+        for (at, &place) in probes.places.iter().enumerate() {
+            largest = largest.max(self.error(tets, &probed.change(place)?, reference, at)?);
+            if largest >= *tolerance {
+                return Ok(None);
+            }
+        }
+        let sensor = probed.into_sensor();
+        Ok(Some(MeshChoice { sensor, allowed, error: largest, compared_with: reference.tets }))
     }
 }

@@ -101,35 +101,44 @@ impl Probes {
         let side = (PLATE * (high - low).max_element()).min(LARGEST_PLATE * room);
         DVec3::new(side, side, THICKNESS * side)
     }
+}
 
-    /// What the plate changes of C at each place, as exact as it takes to tell whether a mesh meets the tolerance.
-    ///
-    /// # Errors
-    /// When the plate cannot be computed, or touches an electrode.
-    pub fn changes(
-        &self,
+/// A sensor with the plate near it.
+pub(crate) struct Probed {
+    simulator: Simulator,
+    solids: Solids,
+}
+
+impl Probed {
+    /// Solves so exactly that it can be told whether the sensor's mesh meets a tolerance of ΔC.
+    pub(crate) fn new(
         sensor: Sensor,
+        plate: DVec3,
         tolerance: f64,
         threads: Option<usize>,
-    ) -> Result<Vec<Change>, WorkspaceError> {
-        let options = SolverOptions {
-            tolerance: (SOLVED * tolerance).max(FINEST_SOLVED),
-            threads,
-            ..SolverOptions::default()
-        };
-        let plate = Material::Conductor(Connection::Grounded);
-        let mut simulator = Simulator::new(sensor, vec![plate], options)?;
-        let mut solids = Solids::new(&[Shape::Box { size: self.plate }])?;
-        let mut changes = Vec::with_capacity(self.places.len());
-        for &place in &self.places {
-            solids.place(&[Pose::at(place)])?;
-            let _ = simulator.step(&solids)?;
-            if !simulator.contacts().is_empty() {
-                return Err(WorkspaceError::Touches(place));
-            }
-            changes.push(Change::between(simulator.base(), simulator.capacitance()));
+    ) -> Result<Self, WorkspaceError> {
+        let tolerance = (SOLVED * tolerance).max(FINEST_SOLVED);
+        let options = SolverOptions { tolerance, threads, ..SolverOptions::default() };
+        let grounded = Material::Conductor(Connection::Grounded);
+        Ok(Self {
+            simulator: Simulator::new(sensor, vec![grounded], options)?,
+            solids: Solids::new(&[Shape::Box { size: plate }])?,
+        })
+    }
+
+    /// What the plate changes of C with its centre at a place.
+    pub(crate) fn change(&mut self, place: DVec3) -> Result<Change, WorkspaceError> {
+        self.solids.place(&[Pose::at(place)])?;
+        let _ = self.simulator.step(&self.solids)?;
+        if !self.simulator.contacts().is_empty() {
+            return Err(WorkspaceError::Touches(place));
         }
-        Ok(changes)
+        Ok(Change::between(self.simulator.base(), self.simulator.capacitance()))
+    }
+
+    /// The sensor again.
+    pub(crate) fn into_sensor(self) -> Sensor {
+        self.simulator.sensor().clone()
     }
 }
 
