@@ -15,8 +15,8 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 
 /// The smallest dihedral angle, degrees: of the three stripes, and where a board is twenty times as thin as cells are wide.
-const SMALLEST_ANGLE: f64 = 3.0;
-const SMALLEST_ANGLE_WITH_BOARD: f64 = 0.5;
+const SMALLEST_ANGLE: f64 = 4.0;
+const SMALLEST_ANGLE_WITH_BOARD: f64 = 1.5;
 
 fn with_board() -> SensorDesign {
     let board = Substrate {

@@ -1,6 +1,6 @@
 //! The smallest mesh whose estimated error of ΔC is below a tolerance.
 //!
-//! Lattices that grow tell how many tetrahedra it may take. Sizes from half of that number up are then tried one after the
+//! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
 //! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
@@ -29,7 +29,7 @@ const STEPS: [f64; 2] = [2.0, 8.0];
 const ORDER: f64 = -2.0 / 3.0;
 
 /// The size first tried in parts of the one foreseen, and by which factor sizes follow each other.
-const TRIED_FIRST: f64 = 0.5;
+const TRIED_FIRST: f64 = 0.125;
 const TRIED_NEXT: f64 = 1.189_207_115_002_721;
 
 /// The smallest size, as a power of the latter from the first lattice: a quarter of it.
