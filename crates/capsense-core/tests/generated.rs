@@ -146,7 +146,7 @@ fn too_few_elements_are_refused_for_both_kinds() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
     fn elements_are_never_exceeded_and_meshes_are_the_same_each_time(
