@@ -7,8 +7,9 @@
 use crate::pipeline::{Frame, Pipeline, PipelineError};
 use crate::scene::{Scene, SceneSensor};
 use capsense_core::estimate::{ErrorBars, HalvedMesh, halved_lattice};
+use capsense_core::glam::DVec3;
 use capsense_core::mesh::TetMesh;
-use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorError};
+use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorError, Terminal, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 
@@ -101,19 +102,25 @@ pub fn halved_sensor(scene: &Scene, sensor: &Sensor) -> Result<Sensor, SensorErr
             Sensor::on_lattice(design, &halved_lattice(lattice)?)
         }
         (SceneSensor::Generated { design, .. }, None) => {
-            let owners = (0..).zip(sensor.owners());
-            let ground: Vec<u32> =
-                owners.filter(|(_, owner)| **owner == GROUND).map(|(node, _)| node).collect();
+            let nodes = (0..).zip(sensor.owners()).zip(sensor.mesh().nodes());
+            let is_ground = |owner: Terminal, place: DVec3| owner == GROUND || design.is_on_wall(place);
+            let ground: Vec<u32> = nodes
+                .filter(|((_, owner), place)| is_ground(**owner, **place))
+                .map(|((node, _), _)| node)
+                .collect();
             let shape =
                 |e: &capsense_core::electrode::Electrode| (e.name.clone(), ElectrodeNodes::Shape(e.clone()));
             let electrodes: Vec<_> = design.electrodes.iter().map(shape).collect();
-            on_halved_mesh(sensor.mesh(), &ground, &electrodes)
+            on_halved_mesh(scene.wall, sensor.mesh(), &ground, &electrodes)
         }
-        (SceneSensor::Meshed { mesh, ground, electrodes }, _) => on_halved_mesh(mesh, ground, electrodes),
+        (SceneSensor::Meshed { mesh, ground, electrodes }, _) => {
+            on_halved_mesh(scene.wall, mesh, ground, electrodes)
+        }
     }
 }
 
 fn on_halved_mesh(
+    wall: Wall,
     mesh: &TetMesh,
     ground: &[u32],
     electrodes: &[(String, ElectrodeNodes)],
@@ -125,5 +132,5 @@ fn on_halved_mesh(
     };
     let electrodes = electrodes.iter().map(|(name, nodes)| (name.clone(), nodes_of(nodes))).collect();
     let ground = halved.nodes_on(ground);
-    Sensor::on_mesh(halved.into_mesh(), &ground, electrodes)
+    Sensor::on_mesh_within(wall, halved.into_mesh(), &ground, electrodes)
 }

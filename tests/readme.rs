@@ -1,4 +1,4 @@
-//! What README.md and docs/*.md say is so: commands, scenes, keys, and what is not there yet.
+//! What README.md and docs/*.md say is so: commands, scenes, keys, and what is still to come.
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
 mod common;
@@ -12,9 +12,6 @@ use std::process::Command;
 /// Commands that the documents announce; each must be unknown for now.
 const ANNOUNCED: [&str; 1] = ["chart"];
 
-/// Heading of the list of what is refused in docs/scene.md.
-const REFUSED: &str = "Not supported yet";
-
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -22,7 +19,6 @@ fn root() -> &'static Path {
 /// A fenced block of a document.
 struct Block {
     document: String,
-    heading: String,
     language: String,
     lines: Vec<String>,
 }
@@ -41,25 +37,20 @@ fn text_of(path: &Path) -> String {
 fn blocks() -> Vec<Block> {
     let mut blocks = Vec::new();
     for path in documents() {
-        let (mut heading, mut open) = (String::new(), None::<Block>);
+        let mut open = None::<Block>;
         for line in text_of(&path).lines() {
             match (line.strip_prefix("```"), &mut open) {
                 (Some(language), None) => {
                     assert!(!language.is_empty(), "{}: a block without a language", path.display());
                     open = Some(Block {
                         document: path.display().to_string(),
-                        heading: heading.clone(),
                         language: language.to_owned(),
                         lines: Vec::new(),
                     });
                 }
                 (Some(_), Some(_)) => blocks.extend(open.take()),
                 (None, Some(block)) => block.lines.push(line.to_owned()),
-                (None, None) => {
-                    if let Some(text) = line.strip_prefix('#') {
-                        heading = text.trim_start_matches(['#', ' ']).to_owned();
-                    }
-                }
+                (None, None) => {}
             }
         }
         assert!(open.is_none(), "{}: a block that does not end", path.display());
@@ -176,7 +167,7 @@ fn the_first_frame_of_every_scene_computes() {
     let folder = tempfile::tempdir().unwrap();
     copy(&root().join("assets"), &folder.path().join("assets"));
     let scenes = folder.path().join("assets/scenes");
-    let shown = blocks().into_iter().filter(|b| b.language == "toml" && b.heading != REFUSED);
+    let shown = blocks().into_iter().filter(|b| b.language == "toml");
     for (index, block) in shown.enumerate() {
         std::fs::write(scenes.join(format!("document_{index}.toml")), block.lines.join("\n")).unwrap();
     }
@@ -285,21 +276,11 @@ fn scene_with(setting: &str) -> String {
 }
 
 #[test]
-fn exactly_what_is_listed_as_not_supported_is_refused() {
-    let listed: Vec<String> =
-        blocks().into_iter().filter(|b| b.heading == REFUSED).flat_map(|b| b.lines).collect();
-    assert!(!listed.is_empty());
-    let rows = rows();
-    for setting in &listed {
-        let message = refusal(&scene_with(setting));
-        assert!(message.contains("not supported yet"), "{setting}: {message}");
-        let key = setting.split(" = ").next().unwrap();
-        assert!(rows[key].contains("not supported yet"), "{setting}");
-    }
+fn every_word_of_the_scene_file_is_accepted() {
     for (key, text) in WORDS {
         for word in expected_names(text) {
             let setting = format!("{key} = \"{word}\"");
-            if text.starts_with(key) && !listed.contains(&setting) {
+            if text.starts_with(key) {
                 let parsed = Scene::parse("scene.toml", &scene_with(&setting), Path::new(""));
                 assert!(parsed.is_ok(), "{setting}: {:?}", parsed.err());
             }

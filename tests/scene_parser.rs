@@ -7,8 +7,9 @@ use capsense::Scene;
 use capsense::core::glam::DVec3;
 use capsense::core::material::{Connection, Material};
 use capsense::core::occupancy::Interface;
-use capsense::scene::SceneSensor;
-use capsense_core::sensor::{GROUND, Wall};
+use capsense::core::sensor::{GROUND, MeshKind, Wall};
+use capsense::core::workspace::Probes;
+use capsense::scene::{GeneratedMesh, MeshSize, SceneSensor};
 use common::{MESH_SCENE, SCENE, cube_file};
 use proptest::prelude::*;
 use std::path::Path;
@@ -65,8 +66,8 @@ fn the_whole_contract_is_understood() {
     assert_eq!((scene.view.width, scene.view.height, scene.back_fill), (64, 64, false));
     assert_eq!(scene.solver.tolerance, 1e-4);
     assert!(scene.warnings.is_empty());
-    let SceneSensor::Generated { design, elements } = &scene.sensor else { panic!("not generated") };
-    assert_eq!(*elements, 30_000);
+    let SceneSensor::Generated { design, mesh } = &scene.sensor else { panic!("not generated") };
+    assert_eq!(*mesh, GeneratedMesh { kind: MeshKind::Lattice, size: MeshSize::Elements(30_000) });
     assert_eq!(design.substrate.unwrap().relative_permittivity.value(), 4.4);
     let bar = &scene.objects[0];
     assert_eq!(bar.material, Material::Conductor(Connection::Grounded));
@@ -101,7 +102,40 @@ fn variants_of_the_contract_are_understood() {
     let least = "[[sensor.electrode]]\nname = \"E\"\npolygon = [[0, 0], [0.1, 0], [0, 0.1]]\n";
     let scene = parse(least);
     assert_eq!((scene.frames, scene.objects.len()), (1, 0));
-    assert!(matches!(scene.sensor, SceneSensor::Generated { elements: 100_000, .. }));
+    let SceneSensor::Generated { mesh, .. } = scene.sensor else { panic!("not generated") };
+    assert_eq!(mesh, GeneratedMesh { kind: MeshKind::Lattice, size: MeshSize::Elements(100_000) });
+}
+
+#[test]
+fn meshes_for_a_tolerance_and_of_both_kinds_are_understood() {
+    let mesh = |text: &str| {
+        let scene = SCENE.replace("elements = 8000", text);
+        let scene = Scene::parse("scene.toml", &scene, Path::new("")).unwrap();
+        let SceneSensor::Generated { design, mesh } = scene.sensor else { panic!("not generated") };
+        (design, mesh)
+    };
+    let (_, bisected) = mesh("elements = 9000, kind = \"bisection\"");
+    assert_eq!(bisected, GeneratedMesh { kind: MeshKind::Bisection, size: MeshSize::Elements(9000) });
+    let (design, exact) = mesh("tolerance = 0.02");
+    let probes = Probes::around(&design);
+    let size = MeshSize::Tolerance { tolerance: 0.02, probes };
+    assert_eq!(exact, GeneratedMesh { kind: MeshKind::Lattice, size });
+    let (_, at) = mesh("tolerance = 0.02, kind = \"lattice\", probes = [[0, 0, 0.1], [0.1, 0, 0.2]]");
+    let MeshSize::Tolerance { probes, .. } = at.size else { panic!("no tolerance") };
+    assert_eq!(probes.places, [DVec3::new(0.0, 0.0, 0.1), DVec3::new(0.1, 0.0, 0.2)]);
+}
+
+/// Larger tolerances take smaller meshes, and where errors are estimated makes a difference.
+#[test]
+fn scenes_are_meshed_for_their_tolerance() {
+    let tets = |text: &str| {
+        let scene = SCENE.replace("elements = 8000", text);
+        let scene = Scene::parse("scene.toml", &scene, Path::new("")).unwrap();
+        scene.build_sensor().unwrap().mesh().tets().len()
+    };
+    let [coarse, fine] = ["tolerance = 0.2", "tolerance = 0.05"].map(tets);
+    assert!(coarse < fine && fine < 200_000, "{coarse} {fine}");
+    assert!(tets("tolerance = 0.05, probes = [[0, 0, 0.1]]") <= fine);
 }
 
 #[test]

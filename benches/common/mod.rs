@@ -8,7 +8,7 @@ use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec2, DVec3};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::solver::SolverOptions;
 use capsense_render::{Backend, DepthRenderer};
 
@@ -63,7 +63,12 @@ pub fn design() -> SensorDesign {
         let outline = Outline::Rectangle { center: DVec2::new(0.0, y), size: DVec2::new(0.1, 0.02) };
         Electrode { name: format!("E{y}"), outline, z: 0.0 }
     };
-    SensorDesign { domain: DOMAIN, electrodes: [-0.03, 0.0, 0.03].map(electrode).to_vec(), substrate: None }
+    SensorDesign {
+        domain: DOMAIN,
+        electrodes: [-0.03, 0.0, 0.03].map(electrode).to_vec(),
+        substrate: None,
+        wall: Wall::Grounded,
+    }
 }
 
 /// Four by eight electrodes, 42 mm x 21 mm, 60 mm and 30 mm apart.
@@ -73,7 +78,12 @@ pub fn array() -> SensorDesign {
         let outline = Outline::Rectangle { center, size: DVec2::new(0.042, 0.021) };
         Electrode { name: format!("E{k}"), outline, z: 0.0 }
     };
-    SensorDesign { domain: DOMAIN, electrodes: (0..32).map(electrode).collect(), substrate: None }
+    SensorDesign {
+        domain: DOMAIN,
+        electrodes: (0..32).map(electrode).collect(),
+        substrate: None,
+        wall: Wall::Grounded,
+    }
 }
 
 pub fn on_lattice(lattice: &Lattice) -> Sensor {

@@ -11,7 +11,7 @@ use capsense::core::estimate::halved_lattice;
 use capsense::core::geometry::{Aabb, Pose, Shape};
 use capsense::core::glam::{DVec2, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
-use capsense::core::sensor::{Sensor, SensorDesign, Substrate};
+use capsense::core::sensor::{Sensor, SensorDesign, Substrate, Wall};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
@@ -213,7 +213,12 @@ pub(crate) fn plates() -> Result<Vec<PlateInBox>> {
         };
         let electrodes = vec![Electrode { name: "plate".to_owned(), outline: outline.clone(), z: 0.0 }];
         let domain = Aabb { min: DVec3::splat(-WALL), max: DVec3::splat(WALL) };
-        PlateInBox { name, design: SensorDesign { domain, electrodes, substrate }, plate, below }
+        PlateInBox {
+            name,
+            design: SensorDesign { domain, electrodes, substrate, wall: Wall::Grounded },
+            plate,
+            below,
+        }
     };
     let aligned = Plate::Square { size: 1.0, degrees: 0.0 };
     let disk = Outline::Disk { center: DVec2::ZERO, radius: 0.5 };

@@ -5,7 +5,7 @@ use capsense::core::electrode::{Electrode, Outline};
 use capsense::core::geometry::{Aabb, Pose, Shape};
 use capsense::core::glam::{DQuat, DVec2, DVec3};
 use capsense::core::material::Connection;
-use capsense::core::sensor::SensorDesign;
+use capsense::core::sensor::{SensorDesign, Wall};
 
 /// The domain of the built-in scene.
 pub(crate) const DOMAIN: Aabb =
@@ -40,7 +40,12 @@ pub(crate) fn stripes() -> SensorDesign {
         let outline = Outline::Rectangle { center, size: DVec2::new(0.1, 0.02) };
         Electrode { name: format!("E{k}"), outline, z: 0.0 }
     };
-    SensorDesign { domain: DOMAIN, electrodes: (1..=3).map(stripe).collect(), substrate: None }
+    SensorDesign {
+        domain: DOMAIN,
+        electrodes: (1..=3).map(stripe).collect(),
+        substrate: None,
+        wall: Wall::Grounded,
+    }
 }
 
 /// The compared entries of a matrix in farads.

@@ -48,7 +48,12 @@ pub(crate) fn domain(arguments: &DomainArguments) -> Result<()> {
     let around = |wall: Wall, size: f64| -> Result<Case> {
         let design = design_of(size);
         let lattice = extended(&inner, &design.domain)?;
-        Case::new(wall, size, Sensor::on_lattice_within(wall, &design, &lattice)?, &bodies)
+        Case::new(
+            wall,
+            size,
+            Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice)?,
+            &bodies,
+        )
     };
     let grounded: Vec<Case> =
         sizes.iter().map(|&size| around(Wall::Grounded, size)).collect::<Result<_>>()?;
@@ -70,7 +75,7 @@ pub(crate) fn domain(arguments: &DomainArguments) -> Result<()> {
     {
         let design = design_of(size);
         let lattice = design.lattice(arguments.elements)?;
-        let sensor = Sensor::on_lattice_within(wall, &design, &lattice)?;
+        let sensor = Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice)?;
         println!("{}", Case::new(wall, size, sensor, &bodies)?.row(limit));
     }
     Ok(())

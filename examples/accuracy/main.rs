@@ -8,6 +8,7 @@
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
 //! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
 //! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
+//! cargo run --release --example accuracy -- meshes       # what tolerances cost on each kind of mesh; --quick for two of three
 //! ```
 
 mod bars;
@@ -16,6 +17,7 @@ mod continuity;
 mod converge;
 mod domain;
 mod measure;
+mod meshes;
 mod plates;
 mod plot;
 mod references;
@@ -43,6 +45,7 @@ enum Command {
     Converge(converge::ConvergeArguments),
     Rims(rims::RimsArguments),
     Domain(domain::DomainArguments),
+    Meshes(meshes::MeshesArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -55,5 +58,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
         Some(Command::Domain(arguments)) => domain::domain(&arguments),
+        Some(Command::Meshes(arguments)) => meshes::meshes(&arguments),
     }
 }

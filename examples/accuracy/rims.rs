@@ -7,7 +7,7 @@ use capsense::core::geometry::Aabb;
 use capsense::core::glam::{DVec2, DVec3};
 use capsense::core::material::RelativePermittivity;
 use capsense::core::mesh::Lattice;
-use capsense::core::sensor::{Sensor, SensorDesign, Substrate};
+use capsense::core::sensor::{Sensor, SensorDesign, Substrate, Wall};
 use capsense::core::simulator::Simulator;
 use capsense::core::solver::SolverOptions;
 use clap::Args;
@@ -200,7 +200,8 @@ impl Case {
         });
         let electrode = Electrode { name: "plate".to_owned(), outline: self.outline(), z: 0.0 };
         let domain = Aabb { min: DVec3::splat(-WALL), max: DVec3::splat(WALL) };
-        let design = SensorDesign { domain, electrodes: vec![electrode], substrate: board };
+        let design =
+            SensorDesign { domain, electrodes: vec![electrode], substrate: board, wall: Wall::Grounded };
         let heights = axis(0.0, self.aspect * cell, board.map(|board| -board.thickness));
         let mut errors = Vec::new();
         for displaced in self.displaced {

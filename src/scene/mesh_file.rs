@@ -9,7 +9,7 @@ use crate::gmsh::{self, GmshError, GmshFile, GroupKey};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
 use capsense_core::mesh::{TetMesh, places};
-use capsense_core::sensor::{ElectrodeNodes, SensorDesign};
+use capsense_core::sensor::{ElectrodeNodes, SensorDesign, Wall};
 use std::collections::HashSet;
 
 /// A mesh whose largest extent is outside of these metres was read in the wrong unit.
@@ -149,7 +149,12 @@ impl Groups<'_> {
                 ElectrodeNodes::Nodes(self.nodes(name, &GroupKey::Name(name.clone()))?)
             } else if let Some(shape) = shape {
                 // What the core checks of an electrode in a domain, it checks here too.
-                let design = SensorDesign { domain, electrodes: vec![shape.clone()], substrate: None };
+                let design = SensorDesign {
+                    domain,
+                    electrodes: vec![shape.clone()],
+                    substrate: None,
+                    wall: Wall::Grounded,
+                };
                 design.validate().map_err(|error| design::locate(self.check.source, names, &error))?;
                 ElectrodeNodes::Shape(shape)
             } else {

@@ -1,20 +1,20 @@
 //! Scene files: everything of a simulation in one TOML file, in SI units. Every key is explained in docs/scene.md.
 //!
-//! [`Scene::load`] reads a file in three steps, each in files of its own: names and types, refusal of what cannot be
-//! computed yet, and checks of every value. What comes out are the core's types, ready for
+//! [`Scene::load`] reads a file in two steps, each in files of its own: names and types, and checks of every value. What comes out are the core's types, ready for
 //! [`Pipeline::new`](crate::pipeline::Pipeline::new).
 
 mod check;
 mod design;
 mod electrode_stl;
+mod generate;
 mod geometry;
 mod mesh_file;
 mod object;
 mod raw;
 mod source;
 mod trajectory;
-mod unsupported;
 
+pub use generate::{GeneratedMesh, MeshSize};
 pub use geometry::Geometry;
 pub use mesh_file::mesh_warnings;
 pub use object::SceneObject;
@@ -34,17 +34,11 @@ use std::path::Path;
 /// The scene that runs when none is named: a grounded steel bar sweeps past three stripe electrodes.
 const BUILT_IN: &str = include_str!("../../assets/scenes/steel_bar.toml");
 
-/// Tetrahedra of the mesh when the scene does not say.
-const DEFAULT_ELEMENTS: usize = 100_000;
-
 /// More pixels than this along a side are a mistake.
 const MOST_PIXELS: usize = 4096;
 
 /// More frames than this are a mistake: a day at 100 frames per second.
 const MOST_FRAMES: usize = 8_640_000;
-
-/// More tetrahedra than this do not fit into the memory of the machines this is made for.
-const MOST_ELEMENTS: usize = 20_000_000;
 
 /// Relative errors below this drown in the rounding of the sums that make up a capacitance.
 const FINEST_TOLERANCE: f64 = 1e-14;
@@ -87,12 +81,12 @@ pub struct Scene {
 /// A sensor before it has its stiffness matrix.
 #[derive(Clone, Debug)]
 pub enum SceneSensor {
-    /// To be meshed by a lattice of at most so many tetrahedra.
+    /// To be meshed.
     Generated {
         /// Domain, electrodes and board.
         design: SensorDesign,
-        /// Number of tetrahedra not to be exceeded.
-        elements: usize,
+        /// The mesh to be made for them.
+        mesh: GeneratedMesh,
     },
     /// On a mesh from a file.
     Meshed {
@@ -131,7 +125,6 @@ impl Scene {
     /// When anything in it is wrong; the message names file, line and key.
     pub fn parse(file: &str, text: &str, folder: &Path) -> Result<Self, SceneError> {
         let (source, raw) = Source::parse(file, text)?;
-        unsupported::refuse(&raw, &source)?;
         validate(Checker { source: &source, folder }, &raw)
     }
 
@@ -146,18 +139,18 @@ impl Scene {
     /// Meshes the sensor.
     ///
     /// # Errors
-    /// When the mesh cannot resolve the electrodes; the message names file, line and key.
+    /// When the mesh cannot resolve the electrodes, or none is as exact as was asked for; the message names file, line and
+    /// key.
     pub fn build_sensor(&self) -> Result<Sensor, SceneError> {
-        let sensor = match &self.sensor {
-            SceneSensor::Generated { design, elements } => {
-                let on_lattice = |lattice| Sensor::on_lattice_within(self.wall, design, &lattice);
-                design.lattice(*elements).and_then(on_lattice)
+        match &self.sensor {
+            SceneSensor::Generated { design, mesh } => {
+                mesh.build(&self.source, &self.electrodes, design, self.threads)
             }
             SceneSensor::Meshed { mesh, ground, electrodes } => {
                 Sensor::on_mesh_within(self.wall, mesh.clone(), ground, electrodes.clone())
+                    .map_err(|error| design::locate(&self.source, &self.electrodes, &error))
             }
-        };
-        sensor.map_err(|error| design::locate(&self.source, &self.electrodes, &error))
+        }
     }
 }
 
@@ -247,11 +240,6 @@ fn sensor(
         return mesh_file::sensor(check, raw, file, names, warnings);
     }
     let domain = design::domain(check, &raw.domain)?.unwrap_or(design::DEFAULT_DOMAIN);
-    let elements = match raw.mesh.generate.as_ref().map(|generate| generate.elements) {
-        None => DEFAULT_ELEMENTS,
-        Some(Some(elements)) => check.count("mesh.generate.elements", elements, 6, MOST_ELEMENTS)?,
-        Some(None) => return check.error("mesh.generate", "needs `elements`"),
-    };
     let electrodes = raw
         .sensor
         .electrode
@@ -263,9 +251,10 @@ fn sensor(
         Some(raw) => Some(design::substrate(check, raw)?),
         None => None,
     };
-    let design = SensorDesign { domain, electrodes, substrate };
+    let design = SensorDesign { domain, electrodes, substrate, wall: design::wall(&raw.domain) };
     design.validate().map_err(|error| design::locate(check.source, names, &error))?;
-    Ok((domain, SceneSensor::Generated { design, elements }))
+    let mesh = generate::mesh(check, raw.mesh.generate.as_ref(), &design)?;
+    Ok((domain, SceneSensor::Generated { design, mesh }))
 }
 
 fn shaped_electrode(check: Checker<'_>, index: usize, raw: &RawElectrode) -> Result<Electrode, SceneError> {

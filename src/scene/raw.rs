@@ -78,6 +78,7 @@ pub(super) struct RawGenerate {
     pub(super) elements: Option<i64>,
     pub(super) tolerance: Option<f64>,
     pub(super) kind: Option<MeshKind>,
+    pub(super) probes: Option<Vec<Tuple<f64, 3>>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

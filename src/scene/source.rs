@@ -29,16 +29,6 @@ pub enum SceneError {
         /// What is wrong.
         message: String,
     },
-    /// The scene asks for something that this version cannot compute.
-    #[error("{file}:{line}: not supported yet: {key}")]
-    Unsupported {
-        /// The file as the user named it.
-        file: String,
-        /// Line in it, counted from one.
-        line: usize,
-        /// Dotted key, with its value where the key alone does not say it.
-        key: String,
-    },
 }
 
 /// A scene file's name and the lines of its keys.
@@ -106,11 +96,6 @@ impl Source {
             key: Some(key.to_owned()),
             message: message.into(),
         }
-    }
-
-    /// The refusal of something that is not computed yet; `what` is the key, with its value where that matters.
-    pub(super) fn unsupported(&self, key: &str, what: String) -> SceneError {
-        SceneError::Unsupported { file: self.file.clone(), line: self.line(key), key: what }
     }
 
     fn first_key_of_line(&self, line: usize) -> Option<String> {

@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use crate::electrode::{Electrode, Outline};
     use crate::geometry::Aabb;
-    use crate::sensor::SensorDesign;
+    use crate::sensor::{SensorDesign, Wall};
     use crate::stiffness::EdgeNetwork;
     use glam::{DVec2, DVec3};
 
@@ -322,6 +322,7 @@ mod tests {
             domain: Aabb { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) },
             electrodes: vec![Electrode { name: "E".to_owned(), outline, z: 0.0 }],
             substrate: None,
+            wall: Wall::Grounded,
         };
         let sensor = Sensor::on_lattice(&design, &design.lattice(3_000).unwrap()).unwrap();
         let mut matrix = StiffnessMatrix::new(EdgeNetwork::of_sensor(&sensor), sensor.mesh().nodes().len());

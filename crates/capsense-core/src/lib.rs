@@ -22,5 +22,6 @@ pub mod solids;
 pub mod solver;
 pub mod stiffness;
 pub mod units;
+pub mod workspace;
 
 pub use glam;

@@ -2,12 +2,14 @@
 
 mod design;
 mod error;
+mod generated;
 mod grading;
 mod rim;
 mod wall;
 
 pub use design::{SensorDesign, Substrate};
 pub use error::SensorError;
+pub use generated::MeshKind;
 pub use rim::RimLink;
 pub use wall::Wall;
 pub(crate) use wall::{OpenWall, WallEdge};
@@ -58,43 +60,14 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Builds the designed sensor on a lattice.
+    /// Builds the designed sensor on a lattice. A shield that reaches an open wall stays grounded up to there.
     ///
     /// # Errors
     /// As [`SensorDesign::validate`] and [`Sensor::on_mesh`].
     pub fn on_lattice(design: &SensorDesign, lattice: &Lattice) -> Result<Self, SensorError> {
-        Self::on_lattice_within(Wall::Grounded, design, lattice)
-    }
-
-    /// The same within a wall that may be open. A shield that reaches it stays grounded up to there.
-    ///
-    /// # Errors
-    /// As [`Sensor::on_lattice`].
-    pub fn on_lattice_within(
-        wall: Wall,
-        design: &SensorDesign,
-        lattice: &Lattice,
-    ) -> Result<Self, SensorError> {
         design.validate()?;
-        let mut mesh = lattice.to_tet_mesh()?;
         let slack = IN_PLANE * design.domain.size().max_element();
-        let on_wall = |node: DVec3| {
-            (node - design.domain.min).min_element() <= slack
-                || (design.domain.max - node).min_element() <= slack
-        };
-        let mut ground = match wall {
-            Wall::Grounded => nodes_where(&mesh, on_wall),
-            Wall::Open => Vec::new(),
-        };
-        if let Some(board) = &design.substrate {
-            let bounds = board.bounds();
-            let centroids: Vec<_> = (0..mesh.tets().len()).map(|element| mesh.centroid(element)).collect();
-            let inside = board.relative_permittivity.value();
-            mesh = mesh.with_permittivity(|e| if bounds.contains(centroids[e]) { inside } else { 1.0 })?;
-            if board.grounded_back {
-                ground.extend(nodes_where(&mesh, |node| board.is_on_back(node, slack)));
-            }
-        }
+        let (mesh, ground) = design.with_ground_and_board(lattice.to_tet_mesh()?)?;
         let mut sensor = Self::without_electrodes(mesh, &ground)?;
         sensor.lattice = Some(lattice.clone());
         for (index, electrode) in design.electrodes.iter().enumerate() {
@@ -105,8 +78,9 @@ impl Sensor {
             sensor.shapes.push(Some(electrode.clone()));
             sensor.claim_with_rim(index, &electrode.name, &rim)?;
         }
-        if wall == Wall::Open {
-            let is_on_wall: Vec<bool> = sensor.mesh.nodes().iter().map(|&node| on_wall(node)).collect();
+        if design.wall == Wall::Open {
+            let is_on_wall: Vec<bool> =
+                sensor.mesh.nodes().iter().map(|&node| design.is_on_wall(node)).collect();
             sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
         }
         check_reachable(&sensor.mesh, &sensor.owners)?;

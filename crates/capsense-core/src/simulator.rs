@@ -66,7 +66,7 @@ pub struct StepReport {
 /// use capsense_core::electrode::{Electrode, Outline};
 /// use capsense_core::material::{Connection, Material};
 /// use capsense_core::occupancy::{DepthLayers, OrthographicView};
-/// use capsense_core::sensor::{Sensor, SensorDesign};
+/// use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 /// use capsense_core::simulator::Simulator;
 /// use capsense_core::{geometry::Aabb, glam::{DVec2, DVec3}, solver::SolverOptions};
 ///
@@ -74,7 +74,7 @@ pub struct StepReport {
 /// let domain = Aabb { min: DVec3::new(-0.1, -0.1, -0.1), max: DVec3::splat(0.1) };
 /// let outline = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.04) };
 /// let electrodes = vec![Electrode { name: "E1".into(), outline, z: 0.0 }];
-/// let design = SensorDesign { domain, electrodes, substrate: None };
+/// let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
 /// let sensor = Sensor::on_lattice(&design, &design.lattice(10_000)?)?;
 /// let plate = Material::Conductor(Connection::Grounded);
 /// let mut simulator = Simulator::new(sensor, vec![plate], SolverOptions::default())?;
@@ -378,7 +378,7 @@ mod tests {
     use crate::electrode::{Electrode, Outline};
     use crate::geometry::Aabb;
     use crate::occupancy::{DepthLayers, NO_OBJECT, OrthographicView};
-    use crate::sensor::SensorDesign;
+    use crate::sensor::{SensorDesign, Wall};
     use glam::{DVec2, DVec3};
 
     /// From the potentials and K as compressed rows; links to an object at 0 V are on the diagonal alone.
@@ -412,7 +412,7 @@ mod tests {
         let domain = Aabb { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) };
         let outline = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.04) };
         let electrodes = vec![Electrode { name: "E1".into(), outline, z: 0.0 }];
-        let design = SensorDesign { domain, electrodes, substrate: None };
+        let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
         let sensor = Sensor::on_lattice(&design, &design.lattice(5_000).unwrap()).unwrap();
         let mut depth = DepthLayers::empty(OrthographicView { domain, width: 8, height: 8 }, 1);
         let (front, back) = depth.layer_mut(0);

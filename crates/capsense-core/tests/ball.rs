@@ -9,7 +9,7 @@ use capsense_core::geometry::{Aabb, Shape};
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::Connection;
 use capsense_core::mesh::Lattice;
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
 use capsense_core::units::VACUUM_PERMITTIVITY;
@@ -24,8 +24,11 @@ fn ball_in_a_cube(radius: f64, cells: usize) -> f64 {
     let step = 1.0 / cells as f64;
     let electrode = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.2) };
     let electrodes = vec![Electrode { name: "E".into(), outline: electrode, z: -0.5 + 2.0 * step }];
-    let sensor =
-        Sensor::on_lattice(&SensorDesign { domain: cube, electrodes, substrate: None }, &lattice).unwrap();
+    let sensor = Sensor::on_lattice(
+        &SensorDesign { domain: cube, electrodes, substrate: None, wall: Wall::Grounded },
+        &lattice,
+    )
+    .unwrap();
     let solids = Solids::new(&[Shape::Sphere { radius }]).unwrap();
     let tied = 1e-10;
     let [grounded, floating, capacitor] =

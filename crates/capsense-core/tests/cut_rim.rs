@@ -8,7 +8,7 @@ use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::mesh::{Lattice, TetMesh};
-use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign};
+use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use common::{Dice, to};
 
@@ -73,7 +73,7 @@ fn disk() -> Outline {
 /// Of the disk, by the links of a fine lattice.
 fn disk_on_lattice(cells: usize) -> f64 {
     let electrodes = vec![Electrode { name: "E".to_owned(), outline: disk(), z: 0.0 }];
-    let design = SensorDesign { domain: BOX, electrodes, substrate: None };
+    let design = SensorDesign { domain: BOX, electrodes, substrate: None, wall: Wall::Grounded };
     capacitance(Sensor::on_lattice(&design, &Lattice::uniform(BOX, [cells; 3]).unwrap()).unwrap())
 }
 

@@ -8,7 +8,7 @@ use approx::assert_relative_eq;
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
 use common::{dielectric, rectangle, stripes_sensor, to};
@@ -18,7 +18,7 @@ const DOMAIN: Aabb = Aabb { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) };
 /// Above an electrode in the middle plane of a box, in units of what the empty box has.
 fn raised_by(permittivity: f64, shape: Shape, centre: DVec3) -> f64 {
     let electrodes = vec![rectangle("E", [0.0; 2], [0.06, 0.04])];
-    let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
+    let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None, wall: Wall::Grounded };
     // Its halves must be mirror images, too.
     let lattice = design.lattice_of_spacing(0.006, 1.4).unwrap();
     let sensor = Sensor::on_lattice(&design, &lattice).unwrap();

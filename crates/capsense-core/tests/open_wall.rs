@@ -36,9 +36,9 @@ fn capacitance(sensor: Sensor) -> f64 {
 fn error_of_square(wall: Wall, half_width: f64) -> f64 {
     let domain = Aabb { min: DVec3::splat(-half_width), max: DVec3::splat(half_width) };
     let design =
-        SensorDesign { domain, electrodes: vec![rectangle("E", [0.0; 2], [1.0; 2])], substrate: None };
+        SensorDesign { domain, electrodes: vec![rectangle("E", [0.0; 2], [1.0; 2])], substrate: None, wall };
     let lattice = design.lattice_of_spacing(1.0 / 16.0, 1.2).unwrap();
-    let sensor = Sensor::on_lattice_within(wall, &design, &lattice).unwrap();
+    let sensor = Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice).unwrap();
     capacitance(sensor) / (4.0 * PI * VACUUM_PERMITTIVITY * SQUARE) - 1.0
 }
 
@@ -119,7 +119,7 @@ fn stripes_within(wall: Wall, scale: f64) -> Sensor {
         }
     }
     let design = SensorDesign { domain, ..three_stripes() };
-    Sensor::on_lattice_within(wall, &design, &Lattice::new(axes).unwrap()).unwrap()
+    Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &Lattice::new(axes).unwrap()).unwrap()
 }
 
 fn box_at(size: DVec3, place: DVec3) -> Solids {
@@ -178,7 +178,7 @@ const WAY: [[f64; 3]; 7] = [
 /// A design of few nodes.
 fn small(wall: Wall) -> Sensor {
     let design = three_stripes();
-    Sensor::on_lattice_within(wall, &design, &design.lattice(12_000).unwrap()).unwrap()
+    Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &design.lattice(12_000).unwrap()).unwrap()
 }
 
 /// The same on a mesh with obtuse angles.
@@ -249,10 +249,11 @@ fn what_does_not_end_on_electrodes_ends_on_ground() {
 fn a_grounded_wall_is_what_it_was() {
     let design = three_stripes();
     let lattice = design.lattice(5_000).unwrap();
-    let grounded = Sensor::on_lattice_within(Wall::Grounded, &design, &lattice).unwrap();
+    let grounded =
+        Sensor::on_lattice(&SensorDesign { wall: Wall::Grounded, ..design.clone() }, &lattice).unwrap();
     assert!(Sensor::on_lattice(&design, &lattice).unwrap() == grounded);
     assert_eq!(grounded.wall(), Wall::Grounded);
-    let open = Sensor::on_lattice_within(Wall::Open, &design, &lattice).unwrap();
+    let open = Sensor::on_lattice(&SensorDesign { wall: Wall::Open, ..design.clone() }, &lattice).unwrap();
     assert_eq!(open.wall(), Wall::Open);
     assert!(!open.terminals().contains(&GROUND));
     // Without links its wall is grounded again.
@@ -271,7 +272,7 @@ fn a_shield_that_reaches_an_open_wall_stays_grounded() {
     };
     let design = SensorDesign { substrate: Some(board), ..three_stripes() };
     let lattice = design.lattice(20_000).unwrap();
-    let sensor = Sensor::on_lattice_within(Wall::Open, &design, &lattice).unwrap();
+    let sensor = Sensor::on_lattice(&SensorDesign { wall: Wall::Open, ..design.clone() }, &lattice).unwrap();
     for (place, &terminal) in sensor.mesh().nodes().iter().zip(sensor.terminals()) {
         assert_eq!(terminal == GROUND, board.is_on_back(*place, 1e-9), "{place}");
     }

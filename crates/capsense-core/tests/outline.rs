@@ -7,7 +7,7 @@ mod common;
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::glam::DVec2;
 use capsense_core::mesh::Lattice;
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use common::{DOMAIN, EXACT};
 use proptest::prelude::*;
@@ -193,6 +193,7 @@ fn sides_along_an_axis_are_planes_and_oblique_ones_fine_intervals() {
         domain: DOMAIN,
         electrodes: vec![Electrode { name: "E".into(), outline, z: 0.0 }],
         substrate: None,
+        wall: Wall::Grounded,
     }
     .lattice_of_spacing(0.004, 1.3)
     .unwrap();
@@ -239,7 +240,7 @@ fn contours_that_are_no_outline_are_refused() {
 fn the_same_outline_by_other_means_is_the_same_sensor() {
     let design = |outline: &Outline| {
         let electrodes = vec![Electrode { name: "E".into(), outline: outline.clone(), z: 0.0 }];
-        SensorDesign { domain: DOMAIN, electrodes, substrate: None }
+        SensorDesign { domain: DOMAIN, electrodes, substrate: None, wall: Wall::Grounded }
     };
     let build = |outline: &Outline, lattice: &Lattice| {
         let sensor = Sensor::on_lattice(&design(outline), lattice).unwrap();

@@ -10,7 +10,7 @@ use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::{Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign, Substrate};
+use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign, Substrate, Wall};
 use capsense_core::simulator::Simulator;
 use common::{three_stripes, to};
 
@@ -19,7 +19,7 @@ const BOX: Aabb = Aabb { min: DVec3::splat(-1.5), max: DVec3::splat(1.5) };
 
 fn sensor(outline: Outline, cells: [usize; 3]) -> Sensor {
     let electrodes = vec![Electrode { name: "E".to_owned(), outline, z: 0.0 }];
-    let design = SensorDesign { domain: BOX, electrodes, substrate: None };
+    let design = SensorDesign { domain: BOX, electrodes, substrate: None, wall: Wall::Grounded };
     Sensor::on_lattice(&design, &Lattice::uniform(BOX, cells).unwrap()).unwrap()
 }
 
@@ -101,7 +101,7 @@ fn boards_may_be_as_thin_as_cells() {
             grounded_back,
         };
         let electrodes = vec![Electrode { name: "E".to_owned(), outline: square(1.0), z: 0.0 }];
-        let design = SensorDesign { domain: BOX, electrodes, substrate: Some(board) };
+        let design = SensorDesign { domain: BOX, electrodes, substrate: Some(board), wall: Wall::Grounded };
         let equal: Vec<f64> = (0..=24).map(|k| -1.5 + 0.125 * f64::from(k)).collect();
         let mut heights = equal.clone();
         heights.push(-thickness);

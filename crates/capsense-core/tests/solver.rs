@@ -8,7 +8,7 @@ use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use capsense_core::stiffness::EdgeNetwork;
@@ -135,7 +135,7 @@ fn results_are_the_same_bits_on_any_number_of_threads() {
     for electrodes in [1, 3, 5] {
         let stripe = |k: i32| rectangle(&format!("E{k}"), [0.0, 0.04 * f64::from(k) - 0.09], [0.1, 0.02]);
         let electrodes = (0..electrodes).map(stripe).collect();
-        let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
+        let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None, wall: Wall::Grounded };
         let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
         let mut simulators = [1, 2, 3, 5].map(|threads| {
             let options = SolverOptions { threads: Some(threads), ..SolverOptions::default() };

@@ -9,7 +9,7 @@ use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{Contact, DepthLayers, NO_OBJECT, OrthographicView, Span, Surfaces};
-use capsense_core::sensor::{Sensor, SensorDesign};
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::SolverOptions;
 use common::updater::Updater;
@@ -261,7 +261,7 @@ fn a_refused_image_leaves_the_frame_before_in_force() {
 /// A square electrode in a lattice of 4 by 4 by 4 nodes.
 fn tiny_sensor() -> Sensor {
     let electrodes = vec![rectangle("E1", [0.0, 0.0], [0.2, 0.2])];
-    let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None };
+    let design = SensorDesign { domain: DOMAIN, electrodes, substrate: None, wall: Wall::Grounded };
     let across = vec![-0.25, -0.1, 0.1, 0.25];
     let up = vec![-0.05, 0.0, 0.1, 0.45];
     Sensor::on_lattice(&design, &Lattice::new([across.clone(), across, up]).unwrap()).unwrap()

@@ -2,7 +2,7 @@
 //! them.
 
 use super::grading::{Grading, Pattern};
-use super::{FREE, IN_PLANE, SensorError};
+use super::{FREE, IN_PLANE, SensorError, Wall};
 use crate::electrode::Electrode;
 use crate::geometry::Aabb;
 use crate::material::RelativePermittivity;
@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 
 /// Bisections of the lattice spacing: to 1e-6 of it. The count jumps there, and closer to the jump rounding would give
 /// mirrored intervals different numbers of cells.
-const SPACING_STEPS: usize = 24;
+pub(super) const SPACING_STEPS: usize = 24;
 
 /// Heights of layers that are tried, in relation to what usually is best; the first is the most.
 const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
@@ -54,12 +54,14 @@ impl Substrate {
 /// What a sensor is meant to be, before it has a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SensorDesign {
-    /// The simulated space; its outer wall is grounded.
+    /// The simulated space.
     pub domain: Aabb,
     /// Electrodes in the order of the capacitance matrix.
     pub electrodes: Vec<Electrode>,
     /// The board below them.
     pub substrate: Option<Substrate>,
+    /// What lies beyond the wall of the simulated space.
+    pub wall: Wall,
 }
 
 impl SensorDesign {
@@ -153,7 +155,7 @@ impl SensorDesign {
     }
 
     /// The lattice of the finest spacing that has no more tetrahedra, and this spacing; the coarsest if that has more.
-    fn finest_lattice(
+    pub(super) fn finest_lattice(
         &self,
         max_tets: usize,
         grading: impl Fn(f64) -> Grading,

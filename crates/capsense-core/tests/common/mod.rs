@@ -15,7 +15,7 @@ use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::{Lattice, TetMesh, signed_volume};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign};
+use capsense_core::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 
@@ -47,7 +47,7 @@ pub fn three_stripes() -> SensorDesign {
     let electrodes = (0..3)
         .map(|k| rectangle(&format!("E{}", k + 1), [0.0, 0.03 * (f64::from(k) - 1.0)], [0.1, 0.02]))
         .collect();
-    SensorDesign { domain: DOMAIN, electrodes, substrate: None }
+    SensorDesign { domain: DOMAIN, electrodes, substrate: None, wall: Wall::Grounded }
 }
 
 /// The three stripes on the finest lattice of no more tetrahedra whose spacing grows alike in all directions.

@@ -6,7 +6,7 @@ use crate::geometry::Aabb;
 use crate::material::{Connection, Material, RelativePermittivity};
 use crate::mesh::TetMesh;
 use crate::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView};
-use crate::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign};
+use crate::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign, Wall};
 use crate::stiffness::EdgeNetwork;
 use glam::{DVec2, DVec3};
 
@@ -34,7 +34,12 @@ impl Scene {
             let outline = Outline::Rectangle { center: DVec2::new(x, 0.0), size: DVec2::splat(0.04) };
             Electrode { name: format!("{x}"), outline, z: 0.0 }
         });
-        let design = SensorDesign { domain: DOMAIN, electrodes: electrodes.to_vec(), substrate: None };
+        let design = SensorDesign {
+            domain: DOMAIN,
+            electrodes: electrodes.to_vec(),
+            substrate: None,
+            wall: Wall::Grounded,
+        };
         // Spacing grows slowly, so that bodies away from the electrodes hold nodes on small meshes too.
         let lattices = (0..).map(|step| design.lattice_of_spacing(0.05 * 0.97_f64.powi(step), 1.3).unwrap());
         let lattice = lattices.take_while(|lattice| lattice.tet_count() <= tets).last().unwrap();

@@ -1,0 +1,265 @@
+//! The smallest mesh whose estimated error of ΔC is below a tolerance.
+//!
+//! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
+//! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others.
+//! Cost is counted in tetrahedra, so the choice is the same on every machine.
+
+use super::{Change, Probed, Probes};
+use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
+use crate::simulator::SimulatorError;
+use crate::solids::SolidError;
+use glam::DVec3;
+
+/// Tetrahedra of the first lattice.
+const FIRST: usize = 4_000;
+
+/// How many times as many tetrahedra the lattice has at least that others are compared with.
+const FINER: f64 = 4.0;
+
+/// Tetrahedra of the finest lattice that others are compared with: it needs about 2 GB.
+const FINEST: usize = 8_000_000;
+
+/// Where it seems to take so many, none of the lattices that may follow will do.
+const HOPELESS: f64 = 1e9;
+
+/// By which factors that lattice may grow from one to the next.
+const STEPS: [f64; 2] = [2.0, 8.0];
+
+/// Errors are N to this power.
+const ORDER: f64 = -2.0 / 3.0;
+
+/// The size first tried in parts of the one foreseen, and by which factor sizes follow each other.
+const TRIED_FIRST: f64 = 0.125;
+const TRIED_NEXT: f64 = 1.189_207_115_002_721;
+
+/// The smallest size, as a power of the latter from the first lattice: a quarter of it.
+const LEAST_STEP: f64 = -8.0;
+
+/// Why no mesh can be chosen.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorkspaceError {
+    /// A tolerance that is not between zero and one.
+    #[error("tolerance {0} is not between 0 and 1")]
+    Tolerance(f64),
+    /// There is no place for the plate.
+    #[error("there is no place at which to estimate errors")]
+    NoPlace,
+    /// The plate covers an electrode or a part of it.
+    #[error("a plate of which the centre is at {0} m touches an electrode")]
+    Touches(DVec3),
+    /// No electrode feels the plate.
+    #[error("no electrode feels a plate of which the centre is at {0} m")]
+    NotFelt(DVec3),
+    /// Not even the finest mesh whose error can be estimated is exact enough.
+    #[error(
+        "no mesh of up to {tets} tetrahedra, as far as errors can be estimated, has an error of ΔC below {tolerance}: \
+         that of the finest is about {reached:.1e}"
+    )]
+    OutOfReach {
+        /// What was asked for.
+        tolerance: f64,
+        /// About the error of the finest mesh of which it can be estimated.
+        reached: f64,
+        /// How many tetrahedra that has.
+        tets: usize,
+    },
+    /// The sensor cannot be meshed.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The plate is no solid.
+    #[error(transparent)]
+    Plate(#[from] SolidError),
+    /// The plate cannot be computed.
+    #[error(transparent)]
+    Simulator(#[from] SimulatorError),
+}
+
+/// What a mesh is wanted for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshRequest {
+    /// The largest relative error of ΔC over the workspace, as in [`ChangeError::of_all`](super::ChangeError).
+    pub tolerance: f64,
+    /// What the mesh is made of.
+    pub kind: MeshKind,
+    /// Where errors are estimated.
+    pub probes: Probes,
+    /// Threads for the estimates, all cores where there is no number. The choice does not depend on it.
+    pub threads: Option<usize>,
+}
+
+/// A mesh that meets a tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshChoice {
+    /// The sensor on that mesh.
+    pub sensor: Sensor,
+    /// How many tetrahedra were allowed: [`Sensor::generated`] makes the same mesh of it.
+    pub allowed: usize,
+    /// The estimated error of ΔC, the largest of all probes.
+    pub error: f64,
+    /// Tetrahedra of the lattice that it was compared with.
+    pub compared_with: usize,
+}
+
+impl MeshRequest {
+    /// The smallest mesh that is exact enough, of a tolerance and a kind: for the plate around the sensor, on all cores.
+    pub fn new(design: &SensorDesign, tolerance: f64, kind: MeshKind) -> Self {
+        Self { tolerance, kind, probes: Probes::around(design), threads: None }
+    }
+
+    /// Looks for the smallest mesh whose estimated error is below the tolerance.
+    ///
+    /// # Errors
+    /// When the request or the design is invalid, the plate touches an electrode or is felt by none, or no mesh whose error
+    /// can be estimated is exact enough.
+    pub fn choose(&self, design: &SensorDesign) -> Result<MeshChoice, WorkspaceError> {
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            return Err(WorkspaceError::Tolerance(self.tolerance));
+        }
+        if self.probes.places.is_empty() {
+            return Err(WorkspaceError::NoPlace);
+        }
+        let mut search = Search { request: self, design, step: None };
+        let mut coarser = search.first()?;
+        let mut reference = search.finer_than(&coarser, STEPS[1])?;
+        loop {
+            let foreseen = search.foreseen(&coarser, &reference)?;
+            let is_finest = reference.allowed == FINEST;
+            let most = reference.tets as f64 / FINER;
+            if (foreseen <= most || is_finest)
+                && let Some(choice) = search.smallest(foreseen.min(most), &reference)?
+            {
+                return Ok(choice);
+            }
+            if is_finest || foreseen > HOPELESS {
+                return Err(self.out_of_reach(foreseen));
+            }
+            let wanted = 1.25 * FINER * foreseen / reference.tets as f64;
+            let finer = search.finer_than(&reference, wanted.clamp(STEPS[0], STEPS[1]))?;
+            coarser = std::mem::replace(&mut reference, finer);
+        }
+    }
+
+    /// Tells what the finest mesh would reach, from how many tetrahedra it takes.
+    fn out_of_reach(&self, foreseen: f64) -> WorkspaceError {
+        let tets = (FINEST as f64 / FINER) as usize;
+        let reached = self.tolerance * (tets as f64 / foreseen).powf(ORDER);
+        WorkspaceError::OutOfReach { tolerance: self.tolerance, reached, tets }
+    }
+}
+
+/// What the plate changes on one lattice.
+struct Rung {
+    allowed: usize,
+    tets: usize,
+    changes: Vec<Change>,
+}
+
+struct Search<'a> {
+    request: &'a MeshRequest,
+    design: &'a SensorDesign,
+    /// The first size of the wanted mesh that has not been tried, as a power of [`TRIED_NEXT`].
+    step: Option<i32>,
+}
+
+impl Search<'_> {
+    fn probed(&self, sensor: Sensor) -> Result<Probed, WorkspaceError> {
+        let MeshRequest { tolerance, probes, threads, .. } = self.request;
+        Probed::new(sensor, probes.plate, *tolerance, *threads)
+    }
+
+    fn rung(&self, allowed: usize) -> Result<Rung, WorkspaceError> {
+        let sensor = Sensor::generated(self.design, MeshKind::Lattice, allowed)?;
+        let tets = sensor.mesh().tets().len();
+        let mut probed = self.probed(sensor)?;
+        let changes = self.request.probes.places.iter().map(|&place| probed.change(place));
+        Ok(Rung { allowed, tets, changes: changes.collect::<Result<_, _>>()? })
+    }
+
+    /// The first lattice: the smallest that resolves the electrodes, where that is larger than usual.
+    fn first(&self) -> Result<Rung, WorkspaceError> {
+        let mut allowed = FIRST;
+        loop {
+            allowed = match self.rung(allowed) {
+                Err(WorkspaceError::Sensor(SensorError::TooFewElements { needed, .. }))
+                    if (allowed + 1..=FINEST).contains(&needed) =>
+                {
+                    needed
+                }
+                Err(WorkspaceError::Sensor(SensorError::OwnsNoNode(_))) if 2 * allowed <= FINEST => {
+                    2 * allowed
+                }
+                rung => return rung,
+            };
+        }
+    }
+
+    /// A lattice of so many times as many tetrahedra.
+    fn finer_than(&self, rung: &Rung, times: f64) -> Result<Rung, WorkspaceError> {
+        self.rung(FINEST.min((rung.allowed as f64 * times) as usize))
+    }
+
+    /// The estimated error of a mesh of so many tetrahedra with the plate at one of the places.
+    fn error(
+        &self,
+        tets: usize,
+        change: &Change,
+        reference: &Rung,
+        at: usize,
+    ) -> Result<f64, WorkspaceError> {
+        let places = &self.request.probes.places;
+        let error = change.error(&reference.changes[at]).ok_or(WorkspaceError::NotFelt(places[at]))?;
+        if tets >= reference.tets {
+            return Ok(f64::INFINITY);
+        }
+        let left = (reference.tets as f64 / tets as f64).powf(ORDER);
+        Ok(error.of_all / (1.0 - left))
+    }
+
+    /// How many tetrahedra it takes if errors fall as they should from those of a lattice.
+    fn foreseen(&self, rung: &Rung, reference: &Rung) -> Result<f64, WorkspaceError> {
+        let mut largest = 0.0f64;
+        for (at, change) in rung.changes.iter().enumerate() {
+            largest = largest.max(self.error(rung.tets, change, reference, at)?);
+        }
+        Ok(rung.tets as f64 * (largest / self.request.tolerance).powf(-1.0 / ORDER))
+    }
+
+    /// The smallest mesh that is exact enough, of those from which the reference is far enough. What was not before, with
+    /// a coarser reference, is not tried again.
+    fn smallest(&mut self, foreseen: f64, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+        let most = reference.tets as f64 / FINER;
+        let first = (TRIED_FIRST * foreseen / FIRST as f64).log(TRIED_NEXT).floor().max(LEAST_STEP) as i32;
+        for step in self.step.unwrap_or(first).. {
+            let allowed = (FIRST as f64 * TRIED_NEXT.powi(step)) as usize;
+            self.step = Some(step);
+            if allowed as f64 > most {
+                break;
+            }
+            if let Some(choice) = self.exact_enough(allowed, reference)? {
+                return Ok(Some(choice));
+            }
+        }
+        Ok(None)
+    }
+
+    /// A mesh of at most so many tetrahedra, if it is exact enough; places are looked at until it is not.
+    fn exact_enough(&self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+        let MeshRequest { tolerance, kind, probes, .. } = self.request;
+        let sensor = match Sensor::generated(self.design, *kind, allowed) {
+            // Too few for the electrodes.
+            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => return Ok(None),
+            sensor => sensor?,
+        };
+        let tets = sensor.mesh().tets().len();
+        let mut probed = self.probed(sensor)?;
+        let mut largest = 0.0f64;
+        for (at, &place) in probes.places.iter().enumerate() {
+            largest = largest.max(self.error(tets, &probed.change(place)?, reference, at)?);
+            if largest >= *tolerance {
+                return Ok(None);
+            }
+        }
+        let sensor = probed.into_sensor();
+        Ok(Some(MeshChoice { sensor, allowed, error: largest, compared_with: reference.tets }))
+    }
+}
