@@ -10,5 +10,7 @@
 #![forbid(unsafe_code)]
 
 mod ports;
+pub mod profile;
+pub mod stream;
 
 pub use ports::{HwError, PortDescription, PortKind, UsbDevice, list_ports};
