@@ -50,6 +50,7 @@ fn fdc2112_golden_vector() {
     resonator.input_divider = vec![1.0, 2.0];
     assert_eq!(resonator.frequency(1, 992.0), 1_162_500.0);
     assert_eq!(resonator.frequency(0, 992.0), 581_250.0);
+    assert_eq!(resonator.frequency(3, 992.0), 1_162_500.0);
     resonator.offset = vec![0, 1 << 12];
     assert_eq!(resonator.frequency(1, 992.0), 1_162_500.0 + 2.0 * 2.4e6 / 16.0);
 }

@@ -192,6 +192,15 @@ fn markers() {
     assert_eq!(events, ["passed over 16", "1 2 3 4 5 6 7 8", "1 2 3 4 5 6 7 8"]);
 }
 
+/// One that looks right is believed at the end of a stream, but not before noise.
+#[test]
+fn a_frame_alone() {
+    let pair = [0x02, 0xFE, 0x34, 0x12, 0xFF, 0xFF, 0x03, 0xFD];
+    assert_eq!(decode("marker-u16", Start::Anywhere, &[&pair]), ["4660 65535"]);
+    assert_eq!(decode("marker-u16", Start::Boundary, &[&pair, &[7; 8]]), ["4660 65535", "passed over 8"]);
+    assert_eq!(decode("marker-u16", Start::Anywhere, &[&pair, &[7; 8]]), ["passed over 16"]);
+}
+
 /// 222, which is DE 00, may be a count, too: one frame that looks right is no proof, the next one is.
 #[test]
 fn trailers_that_counts_may_equal() {
@@ -220,4 +229,15 @@ fn own_frames_tell_gaps_clock_and_status() {
     let events = decode("generic", Start::Anywhere, &[b"boot: ok\0", &stream]);
     let sample = "@0.0015 -5 1000000 status 3";
     assert_eq!(events, ["passed over 9", sample, sample, "gap Some(3)", sample, "gap None", sample]);
+}
+
+#[test]
+fn an_own_frame_behind_too_many_bytes_without_a_zero_is_none() {
+    let encoder = Encoder::new(&built_in("generic").unwrap().stream).unwrap();
+    let mut frame = Vec::new();
+    encoder.encode(&Sample { values: &[Value::Number(5.0)], ..Sample::default() }, &mut frame);
+    for noise in (900..1200).chain([5000]) {
+        let events = decode("generic", Start::Anywhere, &[&vec![7; noise], &frame]);
+        assert_eq!(events, [format!("passed over {}", noise + frame.len())]);
+    }
 }

@@ -97,7 +97,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn numbers_are_those_of_the_standard_library(text in r"[-+]?[0-9]{0,12}(\.[0-9]{0,12})?(e[-+]?[0-9]{1,2})?") {
+        fn numbers_are_those_of_the_standard_library(text in r"[-+]?[0-9]{0,12}(\.[0-9]{0,18})?(e[-+]?[0-9]{1,2})?") {
             let standard = text.parse::<f64>().ok();
             match token(text.as_bytes()) {
                 Token::Number(number) => prop_assert_eq!(standard.map(f64::to_bits), Some(number.to_bits())),
