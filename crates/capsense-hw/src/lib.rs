@@ -11,6 +11,7 @@
 
 mod ports;
 pub mod profile;
+pub mod recording;
 pub mod stream;
 
 pub use ports::{HwError, PortDescription, PortKind, UsbDevice, list_ports};

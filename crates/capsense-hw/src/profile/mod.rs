@@ -179,6 +179,20 @@ impl DeviceProfile {
         self.status.iter().filter(move |(_, bits)| status & **bits != 0).map(|(name, _)| name.as_str())
     }
 
+    /// Words for what is to be said against a reading, each with its channel, counted from 1: `C3:above-range`.
+    pub fn remarks(&self, channel: usize, value: Value, reading: &Reading) -> Vec<String> {
+        let known = [
+            (value == Value::Missing, "missing"),
+            (value == Value::Invalid, "invalid"),
+            (matches!(value, Value::Number(_)) && reading.value.is_none(), "no-value"),
+            (reading.below_range, "below-range"),
+            (reading.above_range, "above-range"),
+            (reading.suspicious, "suspicious"),
+        ];
+        let words = known.into_iter().filter(|(holds, _)| *holds).map(|(_, word)| word);
+        words.chain(self.flag_names(reading.flags)).map(|word| format!("C{}:{word}", channel + 1)).collect()
+    }
+
     /// What is wrong with it: a dotted key, and why.
     fn check(&self) -> Result<(), (String, String)> {
         let owned = |(key, message): (&str, String)| (key.to_owned(), message);
