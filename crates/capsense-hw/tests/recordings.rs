@@ -37,7 +37,7 @@ fn record(path: &Path, profile: &DeviceProfile, count: usize) -> (RecordingWrite
     let mut writer = RecordingWriter::create(path, &header).unwrap();
     let mut decoder = Decoder::new(&profile.stream, Start::Anywhere).unwrap();
     writer.note(Duration::ZERO, &Note::Connected).unwrap();
-    let mut lengths = Vec::new();
+    let (mut lengths, mut before) = (Vec::new(), Vec::new());
     for sample in 0..count {
         for (part, piece) in bytes(profile, sample).chunks(13).enumerate() {
             let time = PERIOD * sample as u32 + Duration::from_micros(part as u64);
@@ -45,7 +45,10 @@ fn record(path: &Path, profile: &DeviceProfile, count: usize) -> (RecordingWrite
             decoder.push(piece, time, &mut |stamped| writer.event(&stamped).unwrap());
             writer.tick(time).unwrap();
         }
-        lengths.push(fs::metadata(partial(path)).unwrap().len());
+        let now = fs::read(partial(path)).unwrap();
+        assert!(now.starts_with(&before), "the file changed before its end");
+        lengths.push(now.len() as u64);
+        before = now;
     }
     (writer, lengths)
 }

@@ -102,7 +102,12 @@ impl Decoder {
     }
 
     /// Takes the next bytes of the stream and tells what they complete. `host_time` is when they were read.
-    pub fn push(&mut self, mut bytes: &[u8], host_time: Duration, events: &mut impl FnMut(Stamped<'_>)) {
+    pub fn push(
+        &mut self,
+        mut bytes: &[u8],
+        host_time: Duration,
+        events: &mut (impl FnMut(Stamped<'_>) + ?Sized),
+    ) {
         while !bytes.is_empty() {
             let (now, later) = bytes.split_at(bytes.len().min(BUFFER - self.buffer.len()));
             self.buffer.extend_from_slice(now);
@@ -112,12 +117,12 @@ impl Decoder {
     }
 
     /// Ends the stream: what is still incomplete stays so. The decoder may not be used for another stream.
-    pub fn finish(&mut self, host_time: Duration, events: &mut impl FnMut(Stamped<'_>)) {
+    pub fn finish(&mut self, host_time: Duration, events: &mut (impl FnMut(Stamped<'_>) + ?Sized)) {
         self.decode(host_time, true, events);
         report_run(&mut self.run, self.offset, host_time, events);
     }
 
-    fn decode(&mut self, host_time: Duration, at_end: bool, events: &mut impl FnMut(Stamped<'_>)) {
+    fn decode(&mut self, host_time: Duration, at_end: bool, events: &mut (impl FnMut(Stamped<'_>) + ?Sized)) {
         let mut at = 0;
         while at < self.buffer.len() {
             let bytes = &self.buffer[at..];
@@ -168,7 +173,7 @@ impl Decoder {
     }
 }
 
-fn report_run(run: &mut u64, end: u64, host_time: Duration, events: &mut impl FnMut(Stamped<'_>)) {
+fn report_run(run: &mut u64, end: u64, host_time: Duration, events: &mut (impl FnMut(Stamped<'_>) + ?Sized)) {
     let length = std::mem::take(run);
     if length > 0 {
         events(Stamped { host_time, offset: end - length, length, event: Event::Resync });
