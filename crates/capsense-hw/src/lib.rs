@@ -18,10 +18,12 @@
 mod port_reader;
 mod ports;
 pub mod profile;
+mod pseudo_port;
 mod recorder;
 pub mod recording;
 pub mod stream;
 
 pub use port_reader::{PortEvent, PortNews, PortReader};
 pub use ports::{HwError, PortDescription, PortKind, UsbDevice, list_ports};
+pub use pseudo_port::PseudoPort;
 pub use recorder::{Counters, record};

@@ -17,6 +17,9 @@ pub enum HwError {
         /// What the operating system says.
         error: serialport::Error,
     },
+    /// There is no pseudo-terminal to be had.
+    #[error("cannot make a pseudo-terminal: {0}")]
+    PseudoPort(#[source] serialport::Error),
     /// The thread that reads a port cannot be started.
     #[error("cannot start a thread: {0}")]
     Thread(#[source] std::io::Error),

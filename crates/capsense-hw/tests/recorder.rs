@@ -6,7 +6,7 @@
 use capsense_hw::profile::{DeviceProfile, built_in};
 use capsense_hw::recording::{Header, RecordingReader, RecordingWriter, Samples};
 use capsense_hw::stream::{Encoder, Sample, Value};
-use capsense_hw::{Counters, PortReader, record};
+use capsense_hw::{Counters, PortNews, PortReader, PseudoPort, record};
 use serialport::{SerialPort, TTYPort};
 use std::io::Write;
 use std::path::Path;
@@ -65,4 +65,25 @@ fn every_sample_of_a_board_is_in_the_recording() {
         let sent: Vec<Vec<Value>> = (0..SAMPLES).map(|sequence| values(&profile, sequence)).collect();
         assert!(samples == sent, "{name}");
     }
+}
+
+/// Nobody reads: what has no room is refused whole. What was accepted arrives whole.
+#[test]
+fn a_pseudo_port_sends_all_or_nothing() {
+    let mut port = PseudoPort::open().unwrap();
+    let line = [b'x'; 99].iter().chain(b"\n").copied().collect::<Vec<u8>>();
+    let mut accepted = 0;
+    while port.send(&line).unwrap() {
+        accepted += 1;
+        assert!(accepted < 100_000, "a terminal without end");
+    }
+    let reader = PortReader::open(port.path(), 115_200, 4096).unwrap();
+    let mut read = Vec::new();
+    while read.len() < accepted * line.len() {
+        port.send(&[]).unwrap();
+        if let PortNews::Bytes(bytes) = reader.next(Duration::from_secs(20)).unwrap().what {
+            read.extend(bytes);
+        }
+    }
+    assert!(read == line.repeat(accepted));
 }
