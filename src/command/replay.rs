@@ -17,7 +17,9 @@ const NAP: Duration = Duration::from_millis(50);
 
 /// Show a recording once more, or send its bytes to a pseudo-terminal
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  capsense replay bar.mcap --speed max\n  capsense replay bar.mcap --to pty")]
+#[command(
+    after_help = "Examples:\n  capsense replay bar.mcap --speed max\n  capsense replay bar.mcap --to pty"
+)]
 pub(super) struct ReplayArguments {
     /// The recording
     file: PathBuf,
