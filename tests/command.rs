@@ -314,6 +314,11 @@ fn every_help_ends_with_an_example() {
         &["mesh", "--help"],
         &["mesh", "info", "--help"],
         &["ports", "--help"],
+        &["record", "--help"],
+        &["replay", "--help"],
+        &["recover", "--help"],
+        &["export", "--help"],
+        &["device", "--help"],
     ] {
         let outcome = capsense(folder.path(), arguments);
         assert_eq!(outcome.code, Some(0), "{arguments:?}");

@@ -4,11 +4,17 @@ mod bars;
 mod contacts;
 mod csv_table;
 mod curves;
+mod device;
+mod device_profile;
+mod export;
 mod interrupt;
 mod mesh;
 mod mesh_info;
 mod output;
 mod ports;
+mod record;
+mod recover;
+mod replay;
 mod report;
 mod run;
 mod solve;
@@ -32,6 +38,11 @@ enum Command {
     Solve(solve::SolveArguments),
     Mesh(mesh::MeshArguments),
     Ports(ports::PortsArguments),
+    Record(record::RecordArguments),
+    Replay(replay::ReplayArguments),
+    Recover(recover::RecoverArguments),
+    Export(export::ExportArguments),
+    Device(device::DeviceArguments),
 }
 
 impl Arguments {
@@ -41,6 +52,11 @@ impl Arguments {
             Command::Solve(arguments) => solve::solve(&arguments),
             Command::Mesh(arguments) => mesh::mesh(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
+            Command::Record(arguments) => record::record(&arguments),
+            Command::Replay(arguments) => replay::replay(&arguments),
+            Command::Recover(arguments) => recover::recover(&arguments),
+            Command::Export(arguments) => export::export(&arguments),
+            Command::Device(arguments) => device::device(&arguments),
         }
     }
 }

@@ -1,4 +1,10 @@
-//! Capacitance-to-digital hardware of CapSense: the serial ports that a measuring board may be attached to.
+//! Capacitance-to-digital hardware of CapSense: from serial bytes to farads, and from farads to the bytes a board would
+//! send.
+//!
+//! - [`profile`]: what is known of a converter and its firmware, built in or from TOML; words to capacitance and back.
+//! - [`stream`]: decoders and encoders of what boards send, without input or output.
+//! - [`recording`]: files that keep every byte beside what was made of it, and survive being cut off.
+//! - [`PortReader`] and [`record`]: a port read on a thread of its own, into a recording.
 //!
 //! ```no_run
 //! for port in capsense_hw::list_ports()? {
@@ -9,6 +15,15 @@
 
 #![forbid(unsafe_code)]
 
+mod port_reader;
 mod ports;
+pub mod profile;
+mod pseudo_port;
+mod recorder;
+pub mod recording;
+pub mod stream;
 
+pub use port_reader::{PortEvent, PortNews, PortReader};
 pub use ports::{HwError, PortDescription, PortKind, UsbDevice, list_ports};
+pub use pseudo_port::PseudoPort;
+pub use recorder::{Counters, record};

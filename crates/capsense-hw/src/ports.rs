@@ -9,6 +9,20 @@ pub enum HwError {
     /// The operating system refuses to enumerate its serial ports.
     #[error("cannot list the serial ports: {0}")]
     ListPorts(#[source] serialport::Error),
+    /// A port cannot be opened.
+    #[error("{port}: cannot open: {error}")]
+    OpenPort {
+        /// Name of the port.
+        port: String,
+        /// What the operating system says.
+        error: serialport::Error,
+    },
+    /// There is no pseudo-terminal to be had.
+    #[error("cannot make a pseudo-terminal: {0}")]
+    PseudoPort(#[source] serialport::Error),
+    /// The thread that reads a port cannot be started.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[source] std::io::Error),
 }
 
 /// A serial port and what is known of the device behind it.

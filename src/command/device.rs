@@ -1,0 +1,96 @@
+//! `capsense device`: a running simulation that talks like a board.
+
+use super::BadInput;
+use super::csv_table::upper_triangle;
+use super::device_profile::find_profile;
+use super::interrupt::Interrupt;
+use super::load_scene;
+use super::output::print_out;
+use anyhow::Context;
+use capsense::core::capacitance::CapacitanceMatrix;
+use capsense::{Pipeline, Scene};
+use capsense_hw::PseudoPort;
+use capsense_hw::profile::{DeviceProfile, Meaning};
+use capsense_hw::stream::{Encoder, Sample, Value};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// How long the last bytes are kept for whoever reads them.
+const LINGER: Duration = Duration::from_secs(2);
+
+/// Simulate a scene and send it as a board would
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  capsense device scene.toml --port pty --device fdc2214")]
+pub(super) struct DeviceArguments {
+    /// The scene file; without one, a steel bar sweeps past three stripe electrodes
+    scene: Option<PathBuf>,
+    /// Where to send to; the first line of output is its path
+    #[arg(long, value_enum)]
+    port: Port,
+    /// A built-in device profile, or a profile file (.toml)
+    #[arg(long, default_value = "generic")]
+    device: String,
+    /// Begin again when the scene ends, until Ctrl-C
+    #[arg(long)]
+    repeat: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Port {
+    /// A pseudo-terminal
+    Pty,
+}
+
+pub(super) fn device(arguments: &DeviceArguments) -> anyhow::Result<()> {
+    let profile = find_profile(&arguments.device)?;
+    if profile.meaning == Meaning::Counts {
+        let message = format!("{}: sends bare counts, which no capacitance is known for", profile.name);
+        return Err(BadInput(message).into());
+    }
+    let encoder = Encoder::new(&profile.stream).map_err(|error| BadInput(error.to_string()))?;
+    let scene = load_scene(arguments.scene.as_deref())?;
+    let interrupt = Interrupt::listen().context("cannot listen for Ctrl-C")?;
+    let mut pipeline = Pipeline::new(&scene)?;
+    let Port::Pty = arguments.port;
+    let mut port = PseudoPort::open()?;
+    print_out(&format!("{}\n", port.path()))?;
+    let begun = Instant::now();
+    let mut bytes = Vec::new();
+    for count in 0u32.. {
+        let index = count as usize;
+        if interrupt.requested() || (index >= scene.frames && !arguments.repeat) {
+            break;
+        }
+        let frame = pipeline.frame(index % scene.frames)?;
+        let due = Duration::from_secs_f64(index as f64 / scene.frame_rate);
+        std::thread::sleep(due.saturating_sub(begun.elapsed()));
+        let values = values(&profile, &scene, &frame.capacitance);
+        bytes.clear();
+        let sample = Sample { values: &values, sequence: Some(count), device_time: Some(due), status: 0 };
+        encoder.encode(&sample, &mut bytes);
+        // What nobody reads is lost, as with a board; the count of samples tells of it.
+        port.send(&bytes).context("cannot write to the pseudo-terminal")?;
+    }
+    let ended = Instant::now();
+    while !interrupt.requested() && ended.elapsed() < LINGER {
+        port.send(&[]).context("cannot write to the pseudo-terminal")?;
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Ok(())
+}
+
+/// Boards with a fixed number of channels measure the self-capacitance of an electrode with each; those with any number
+/// send the matrix's upper triangle in the order of `capacitance.csv`.
+fn values(profile: &DeviceProfile, scene: &Scene, capacitance: &CapacitanceMatrix) -> Vec<Value> {
+    let electrodes = scene.electrodes.len();
+    if profile.channels == 0 {
+        let entries = upper_triangle(electrodes).map(|(row, column)| capacitance.get(row, column));
+        return entries.enumerate().map(|(channel, farads)| profile.raw(channel, farads)).collect();
+    }
+    let measured = |channel| match channel < electrodes {
+        true => profile.raw(channel, capacitance.get(channel, channel)),
+        false => Value::Missing,
+    };
+    (0..profile.channels).map(measured).collect()
+}
