@@ -8,10 +8,12 @@ use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::{Lattice, MeshError, TetMesh, graded_axis};
-use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign, SensorError, Substrate};
+use capsense_core::sensor::{ElectrodeNodes, GROUND, MeshKind, Sensor, SensorDesign, SensorError, Substrate};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::{SolveError, SolverOptions};
-use common::{DOMAIN, EXACT, bar, depth_of_boxes, rectangle, stripes_sensor, three_stripes};
+use common::{
+    DOMAIN, Dice, EXACT, bar, depth_of_boxes, rectangle, relative_error, stripes_sensor, three_stripes, to,
+};
 use proptest::prelude::*;
 
 fn with(electrodes: Vec<Electrode>) -> SensorDesign {
@@ -255,5 +257,31 @@ proptest! {
     fn a_lattice_has_at_most_the_elements_asked_for(tets in 3_000usize..60_000) {
         let count = three_stripes().lattice(tets).unwrap().tet_count();
         prop_assert!(count <= tets && count > tets / 2, "{} of {}", count, tets);
+    }
+}
+
+/// On a mesh with triangles of any shape around rims.
+#[test]
+fn capacitances_do_not_depend_on_how_nodes_are_numbered() {
+    let sensor = Sensor::generated(&three_stripes(), MeshKind::Bisection, 30_000).unwrap();
+    let nodes = sensor.mesh().nodes().len() as u32;
+    let capacitances = |order: &[u32]| {
+        let mesh = sensor.mesh().renumbered(order);
+        let owned_by = |terminal: u16| -> Vec<u32> {
+            let owners = order.iter().map(|&node| sensor.owners()[node as usize]);
+            owners.zip(0..).filter(|(owner, _)| *owner == terminal).map(|(_, node)| node).collect()
+        };
+        let of_electrode = |k: u16| (format!("E{k}"), ElectrodeNodes::Nodes(owned_by(k)));
+        let sensor = Sensor::on_mesh(mesh, &owned_by(GROUND), (1..=3).map(of_electrode).collect()).unwrap();
+        Simulator::new(sensor, vec![], to(1e-9)).unwrap().base().clone()
+    };
+    let as_made = capacitances(&(0..nodes).collect::<Vec<u32>>());
+    let mut dice = Dice(3);
+    for _ in 0..3 {
+        let mut order: Vec<(f64, u32)> = (0..nodes).map(|node| (dice.next(), node)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let order: Vec<u32> = order.into_iter().map(|(_, node)| node).collect();
+        let error = relative_error(&capacitances(&order), &as_made);
+        assert!(error < 1e-7, "{error:e}");
     }
 }

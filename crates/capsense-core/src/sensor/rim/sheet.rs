@@ -10,7 +10,7 @@
 //! of a mesh generator resolve less and have values around 0.5.
 
 use super::RimLink;
-use super::side::{Frame, Side, corners, nearest_sides};
+use super::side::{Frame, Side, corners, nearest, nearest_sides};
 use crate::mesh::{TetMesh, barycentric_gradients, signed_volume};
 use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
@@ -127,10 +127,7 @@ fn balances(mesh: &TetMesh, owners: &[Terminal], sides: &[Side]) -> BTreeMap<u32
         let places = tet.map(|node| near[node as usize]);
         let centroid = mesh.centroid(element);
         let known = places.iter().flatten().map(|(_, side)| *side);
-        let nearest = known.min_by(|a, b| {
-            let distance = |side: u32| sides[side as usize].distance(mesh, centroid);
-            distance(*a).total_cmp(&distance(*b))
-        });
+        let nearest = nearest(mesh, sides, centroid, known);
         let Some(side) = nearest.map(|side| &sides[side as usize]) else { continue };
         let Some(frame) = Frame::of(mesh, side) else { continue };
         let all_near =

@@ -8,6 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Rims that turn by an angle of a smaller cosine between two sides have a corner.
 const STRAIGHT: f64 = 0.88;
 
+/// Distances differ by less than this part of a side where they are the same but for rounding.
+const SAME: f64 = 1e-9;
+
 /// A side of a rim, between two nodes, and the third node of its triangle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Side {
@@ -32,6 +35,29 @@ impl Side {
         let along = ((point - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
         point.distance(a.lerp(b, along))
     }
+}
+
+/// The side nearest to a point. Of two that are as near, where they meet, the one whose middle comes first counts, so that it
+/// does not matter how nodes are numbered.
+pub(super) fn nearest(
+    mesh: &TetMesh,
+    sides: &[Side],
+    point: DVec3,
+    candidates: impl Iterator<Item = u32>,
+) -> Option<u32> {
+    let middle = |side: u32| {
+        let [a, b] = sides[side as usize].points(mesh);
+        (a + b).to_array()
+    };
+    candidates.reduce(|best, other| {
+        let [of_best, of_other] = [best, other].map(|side| sides[side as usize].distance(mesh, point));
+        let is_nearer = if (of_other - of_best).abs() <= SAME * sides[best as usize].length(mesh) {
+            middle(other) < middle(best)
+        } else {
+            of_other < of_best
+        };
+        if is_nearer { other } else { best }
+    })
 }
 
 /// Coordinates across the line through a side.
@@ -95,9 +121,12 @@ pub(super) fn corners(mesh: &TetMesh, sides: &[Side]) -> BTreeSet<u32> {
 /// neighbours.
 pub(super) fn nearest_sides(mesh: &TetMesh, sides: &[Side], rings: u8) -> Vec<Option<(u8, u32)>> {
     let mut near: Vec<Option<(u8, u32)>> = vec![None; mesh.nodes().len()];
-    for (index, side) in sides.iter().enumerate() {
+    for (index, side) in (0..).zip(sides) {
         for node in side.ends {
-            near[node as usize].get_or_insert((0, index as u32));
+            let known = near[node as usize].map(|(_, side)| side);
+            let point = mesh.nodes()[node as usize];
+            near[node as usize] =
+                nearest(mesh, sides, point, known.into_iter().chain([index])).map(|side| (0, side));
         }
     }
     for ring in 1..=rings {
@@ -105,18 +134,12 @@ pub(super) fn nearest_sides(mesh: &TetMesh, sides: &[Side], rings: u8) -> Vec<Op
             let before =
                 tet.map(|node| near[node as usize].filter(|(at, _)| *at < ring).map(|(_, side)| side));
             for &node in tet {
-                let point = mesh.nodes()[node as usize];
-                for side in before.into_iter().flatten() {
-                    let distance = |side: u32| sides[side as usize].distance(mesh, point);
-                    match near[node as usize] {
-                        Some((at, known)) if at == ring => {
-                            if distance(side) < distance(known) {
-                                near[node as usize] = Some((ring, side));
-                            }
-                        }
-                        Some(_) => {}
-                        None => near[node as usize] = Some((ring, side)),
-                    }
+                let known = near[node as usize];
+                if known.is_none_or(|(at, _)| at == ring) {
+                    let candidates =
+                        known.map(|(_, side)| side).into_iter().chain(before.into_iter().flatten());
+                    let side = nearest(mesh, sides, mesh.nodes()[node as usize], candidates);
+                    near[node as usize] = side.map(|side| (ring, side));
                 }
             }
         }
