@@ -46,14 +46,9 @@ pub(crate) fn domain(arguments: &DomainArguments) -> Result<()> {
     let bodies: Vec<Body> = bodies().into_iter().filter(bars).collect();
     let inner = stripes().lattice(arguments.elements)?;
     let around = |wall: Wall, size: f64| -> Result<Case> {
-        let design = design_of(size);
+        let design = SensorDesign { wall, ..design_of(size) };
         let lattice = extended(&inner, &design.domain)?;
-        Case::new(
-            wall,
-            size,
-            Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice)?,
-            &bodies,
-        )
+        Case::new(wall, size, Sensor::on_lattice(&design, &lattice)?, &bodies)
     };
     let grounded: Vec<Case> =
         sizes.iter().map(|&size| around(Wall::Grounded, size)).collect::<Result<_>>()?;
@@ -73,9 +68,9 @@ pub(crate) fn domain(arguments: &DomainArguments) -> Result<()> {
     for (wall, size) in
         [0.5, 1.0, 2.0, 4.0].map(|size| (Wall::Grounded, size)).into_iter().chain([(Wall::Open, 0.5)])
     {
-        let design = design_of(size);
+        let design = SensorDesign { wall, ..design_of(size) };
         let lattice = design.lattice(arguments.elements)?;
-        let sensor = Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice)?;
+        let sensor = Sensor::on_lattice(&design, &lattice)?;
         println!("{}", Case::new(wall, size, sensor, &bodies)?.row(limit));
     }
     Ok(())

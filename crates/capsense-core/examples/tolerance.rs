@@ -12,12 +12,10 @@ mod common;
 
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
-use capsense_core::material::{Connection, Material};
+use capsense_core::material::Material;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
-use common::{
-    Dice, conductor, depth_of_boxes, dielectric, oracle, relative_error, stripes_sensor, three_stripes, to,
-};
+use common::{Dice, any_material, depth_of_boxes, oracle, relative_error, stripes_sensor, three_stripes, to};
 
 const TOLERANCES: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
 const SCENES: usize = 60;
@@ -50,15 +48,6 @@ fn sensor(dice: &mut Dice) -> (Sensor, String) {
     }
 }
 
-fn material(dice: &mut Dice) -> Material {
-    match dice.below(4) {
-        0 => conductor(Connection::Grounded),
-        1 => conductor(Connection::Floating),
-        2 => conductor(Connection::Capacitance(10_f64.powf(dice.between(-14.0, -10.0)))),
-        _ => dielectric(10_f64.powf(dice.between(-6.0, 6.0))),
-    }
-}
-
 /// A box; one in ten is out of sight.
 fn solid(dice: &mut Dice) -> Aabb {
     let size = DVec3::new(dice.between(0.03, 0.2), dice.between(0.03, 0.2), dice.between(0.01, 0.1));
@@ -71,7 +60,7 @@ fn run_scene(seed: u64, scene: usize, solved: &mut [Vec<Solved>; TOLERANCES.len(
     let mut dice = Dice(1000 * seed + scene as u64 + 1);
     dice.next();
     let (sensor, name) = sensor(&mut dice);
-    let materials: Vec<Material> = (0..1 + dice.below(4)).map(|_| material(&mut dice)).collect();
+    let materials: Vec<Material> = (0..1 + dice.below(4)).map(|_| any_material(&mut dice)).collect();
     let mut boxes: Vec<Aabb> = materials.iter().map(|_| solid(&mut dice)).collect();
     let jumps = [8, 1000][dice.below(2)];
     let speed = 10_f64.powf(dice.between(-3.5, -2.2));

@@ -10,9 +10,9 @@ use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::RelativePermittivity;
 use capsense_core::mesh::{MeshQuality, TetMesh, signed_volume};
 use capsense_core::sensor::{GROUND, MeshKind, Sensor, SensorDesign, SensorError, Substrate, Wall};
+use common::conforming::{assert_conforming, faces};
 use common::{DOMAIN, rectangle, three_stripes};
 use proptest::prelude::*;
-use std::collections::BTreeMap;
 
 /// The smallest dihedral angle, degrees: of the three stripes, and where a board is twenty times as thin as cells are wide.
 const SMALLEST_ANGLE: f64 = 4.0;
@@ -46,30 +46,6 @@ fn designs() -> impl Strategy<Value = SensorDesign> {
             wall: Wall::Grounded,
         }
     })
-}
-
-fn faces(mesh: &TetMesh) -> BTreeMap<[u32; 3], usize> {
-    let mut faces = BTreeMap::new();
-    for tet in mesh.tets() {
-        for skipped in 0..4 {
-            let mut face = [1, 2, 3].map(|k| tet[(skipped + k) % 4]);
-            face.sort_unstable();
-            *faces.entry(face).or_insert(0) += 1;
-        }
-    }
-    faces
-}
-
-fn assert_conforming(mesh: &TetMesh, domain: &Aabb) {
-    for (face, elements) in faces(mesh) {
-        let corners = face.map(|node| mesh.nodes()[node as usize]);
-        let in_wall = (0..3).any(|axis| {
-            [domain.min, domain.max].iter().any(|wall| corners.iter().all(|c| c[axis] == wall[axis]))
-        });
-        assert_eq!(elements, if in_wall { 1 } else { 2 }, "{corners:?}");
-    }
-    assert!((0..mesh.tets().len()).all(|element| signed_volume(mesh.corners(element)) > 0.0));
-    assert!((mesh.volume() / domain.size().element_product() - 1.0).abs() < 1e-12);
 }
 
 /// How much of the domain's cross-section is faces of the mesh.

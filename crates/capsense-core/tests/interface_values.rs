@@ -6,13 +6,14 @@
 mod common;
 
 use capsense_core::baseline::{CgOptions, PaperMethod};
-use capsense_core::geometry::Aabb;
+use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::Interface;
 use capsense_core::sensor::{ElectrodeNodes, Sensor};
 use capsense_core::simulator::Simulator;
+use capsense_core::solids::Solids;
 use capsense_core::solver::{SolveReport, SolverOptions};
 use capsense_core::units::VACUUM_PERMITTIVITY;
 use common::half_spaces::Convex;
@@ -234,4 +235,23 @@ fn capacitances_are_those_of_a_mesh_with_these_permittivities() {
             assert!(error < 1e-10, "{interface:?}: {error}");
         }
     }
+}
+
+/// A body that is no other than the air, far from a bar, must not change how the field around the bar's edges is taken.
+#[test]
+fn weak_dielectrics_leave_edges_of_conductors_elsewhere_as_they_are() {
+    let sensor = stripes_sensor(6_000);
+    let (bar, air) = (Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) }, Shape::Sphere { radius: 0.02 });
+    let poses = [Pose::at(DVec3::new(0.01, 0.02, 0.063)), Pose::at(DVec3::new(-0.2, -0.2, 0.35))];
+    let capacitances = |shapes: &[Shape], materials: &[Material]| {
+        let mut solids = Solids::new(shapes).unwrap();
+        solids.place(&poses[..shapes.len()]).unwrap();
+        let mut simulator = simulator(Interface::EdgeCut, &sensor, materials, DIRECT);
+        let _ = simulator.step(&solids).unwrap();
+        simulator.capacitance().clone()
+    };
+    let alone = capacitances(std::slice::from_ref(&bar), &[GROUNDED]);
+    let with_air = capacitances(&[bar, air], &[GROUNDED, dielectric(1.0)]);
+    let error = relative_error(&with_air, &alone);
+    assert!(error < 1e-10, "{error:e}");
 }

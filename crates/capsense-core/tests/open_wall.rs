@@ -38,7 +38,7 @@ fn error_of_square(wall: Wall, half_width: f64) -> f64 {
     let design =
         SensorDesign { domain, electrodes: vec![rectangle("E", [0.0; 2], [1.0; 2])], substrate: None, wall };
     let lattice = design.lattice_of_spacing(1.0 / 16.0, 1.2).unwrap();
-    let sensor = Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &lattice).unwrap();
+    let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
     capacitance(sensor) / (4.0 * PI * VACUUM_PERMITTIVITY * SQUARE) - 1.0
 }
 
@@ -118,8 +118,8 @@ fn stripes_within(wall: Wall, scale: f64) -> Sensor {
             planes.reverse();
         }
     }
-    let design = SensorDesign { domain, ..three_stripes() };
-    Sensor::on_lattice(&SensorDesign { wall, ..design.clone() }, &Lattice::new(axes).unwrap()).unwrap()
+    let design = SensorDesign { domain, wall, ..three_stripes() };
+    Sensor::on_lattice(&design, &Lattice::new(axes).unwrap()).unwrap()
 }
 
 fn box_at(size: DVec3, place: DVec3) -> Solids {
@@ -212,7 +212,9 @@ fn all_solvers_agree_on_bodies_that_stick_out_of_the_wall() {
             for simulator in &mut tested {
                 let _ = simulator.step(&block).unwrap();
                 let error = relative_error(simulator.capacitance(), truth.capacitance());
-                assert!(error < 3e-5, "{material:?}, {:?}: {error}", simulator.preconditioner());
+                // What is exact would show if a link through the wall were forgotten within the block.
+                let allowed = if simulator.preconditioner() == Preconditioner::Direct { 1e-10 } else { 3e-5 };
+                assert!(error < allowed, "{material:?}, {:?}: {error}", simulator.preconditioner());
             }
         }
         let fresh = Simulator::new(sensor.clone(), vec![material], to(1e-5)).unwrap();

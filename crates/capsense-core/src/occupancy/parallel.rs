@@ -60,8 +60,8 @@ pub(super) fn up_to_planes(edges: &Edges, region: &Aabb) -> Aabb {
 }
 
 impl Scene<'_> {
-    /// What multiplies the weight of an edge that weak dielectrics alone are near; `None` where others are, on the edge or
-    /// along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
+    /// What multiplies the weight of an edge that weak dielectrics alone are near; `None` where nothing is, or others are, on
+    /// the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
     /// the others working storage.
     pub(super) fn along_lines(
         &self,
@@ -76,19 +76,20 @@ impl Scene<'_> {
         if owners != [NO_OBJECT; 2] || !on_edge.iter().all(is_weak) {
             return None;
         }
-        let (mut sum, mut whole) = (0.0, 0.0);
+        let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
         for (ends, share) in lines(lattice, edge) {
             self.find_spans_between(ends, spans);
             spans.retain(|(object, _)| !self.is_conductor(usize::from(*object)));
             if !spans.iter().all(is_weak) {
                 return None;
             }
+            is_met |= !spans.is_empty();
             let background = self.mesh.permittivity.at(edge);
             let rule = EdgeRule { owners, spans, materials: self.materials, background };
             sum += share * rule.coupling(breaks).through;
             whole += share;
         }
-        (whole > 0.0).then(|| sum / whole)
+        (is_met && whole > 0.0).then(|| sum / whole)
     }
 
     /// What multiplies the weight of an edge that lies in a face of a dielectric: the mean of what it would be a little to

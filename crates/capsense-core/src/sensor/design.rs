@@ -148,8 +148,8 @@ impl SensorDesign {
             let [low, high] = outline.bounds();
             let between = |low: f64, high: f64| move |x: &&f64| (low..=high).contains(*x);
             xs.iter().filter(between(low.x, high.x)).any(|&x| {
-                let nodes = ys.iter().filter(between(low.y, high.y)).map(|&y| DVec2::new(x, y));
-                nodes.into_iter().any(|node| outline.contains(node) && outline.distance_to_rim(node) > slack)
+                let mut nodes = ys.iter().filter(between(low.y, high.y)).map(|&y| DVec2::new(x, y));
+                nodes.any(|node| outline.contains(node) && outline.distance_to_rim(node) > slack)
             })
         })
     }
@@ -181,8 +181,11 @@ impl SensorDesign {
         let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
         let mut gaps: Vec<f64> = (0..2)
             .flat_map(|axis| {
-                let edges = self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis));
-                let mut edges: Vec<f64> = edges.collect();
+                let mut edges: Vec<f64> = self
+                    .electrodes
+                    .iter()
+                    .flat_map(|electrode| electrode.outline.axis_planes(axis))
+                    .collect();
                 edges.sort_by(f64::total_cmp);
                 edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
             })

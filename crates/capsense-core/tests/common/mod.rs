@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used)]
 
+pub mod conforming;
 pub mod cubic;
 pub mod half_spaces;
 pub mod shapes;
@@ -126,6 +127,16 @@ pub fn conductor(connection: Connection) -> Material {
 
 pub fn dielectric(relative_permittivity: f64) -> Material {
     Material::Dielectric(RelativePermittivity::new(relative_permittivity).unwrap())
+}
+
+/// A material of any kind.
+pub fn any_material(dice: &mut Dice) -> Material {
+    match dice.below(4) {
+        0 => GROUNDED,
+        1 => FLOATING,
+        2 => conductor(Connection::Capacitance(10_f64.powf(dice.between(-14.0, -10.0)))),
+        _ => dielectric(10_f64.powf(dice.between(-6.0, 6.0))),
+    }
 }
 
 /// The usual solver with another tolerance.
