@@ -169,6 +169,18 @@ proptest! {
     }
 }
 
+/// Sliding in its own faces a bar cuts the edges beneath them as before, but near its sides the field there is another.
+#[test]
+fn a_bar_that_slides_leaves_no_trace() {
+    let sensor = stripes_sensor(20_000);
+    let mut updater = Updater::new(&sensor, &[conductor(Connection::Grounded)]);
+    for frame in 0..60 {
+        let translation = DVec3::new(0.002 * f64::from(frame) - 0.06, 0.01, 0.07);
+        let pose = Pose { translation, rotation: DQuat::IDENTITY };
+        updater.step_checked(&at(&[Shape::Box { size: SIZE }], &[pose]));
+    }
+}
+
 #[test]
 fn solids_at_rest_change_nothing() {
     let sensor = stripes_sensor(6_000);
