@@ -68,7 +68,7 @@ pub(super) fn device(arguments: &DeviceArguments) -> anyhow::Result<()> {
         let due = Duration::from_secs_f64(index as f64 / scene.frame_rate);
         std::thread::sleep(due.saturating_sub(begun.elapsed()));
         let seen = match &mut measurement {
-            Some(measurement) => analogue(measurement, due.as_secs_f64(), &frame.capacitance),
+            Some(measurement) => analogue(measurement, index as f64 / scene.frame_rate, &frame.capacitance),
             None => upper_triangle(scene.electrodes.len())
                 .map(|(row, column)| Some(frame.capacitance.get(row, column)))
                 .collect(),

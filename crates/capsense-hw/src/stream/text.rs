@@ -308,10 +308,14 @@ impl Row<'_> {
 
     fn values(&mut self, fields: &mut Fields<'_>) -> Option<()> {
         let most = self.format.channels.unwrap_or(MOST_CHANNELS);
-        while self.values.len() < most
-            && let Some(field) = fields.next()
-        {
-            self.values.push(self.format.value(field)?);
+        while self.values.len() < most {
+            if let Some(number) = fields.next_plain() {
+                self.values.push(self.format.number(number));
+            } else if let Some(field) = fields.next() {
+                self.values.push(self.format.value(field)?);
+            } else {
+                break;
+            }
         }
         let full = self.format.channels.is_none_or(|channels| channels == self.values.len());
         (full && !self.values.is_empty()).then_some(())
@@ -332,14 +336,17 @@ impl TextFormat {
             return Some(Value::Missing);
         }
         match token(field) {
-            Token::Number(number) if self.missing.contains(&number) => Some(Value::Missing),
-            Token::Number(number) => Some(Value::Number(number)),
+            Token::Number(number) => Some(self.number(number)),
             Token::Malformed => Some(Value::Invalid),
             Token::Word => {
                 let known = self.invalid.iter().any(|word| word.as_bytes().eq_ignore_ascii_case(field));
                 known.then_some(Value::Invalid)
             }
         }
+    }
+
+    fn number(&self, number: f64) -> Value {
+        if self.missing.contains(&number) { Value::Missing } else { Value::Number(number) }
     }
 
     /// Sets the value of the channel with a label and leaves the others missing; `None` for an unknown label.
