@@ -2,7 +2,7 @@
 
 use super::BadInput;
 use super::csv_table::upper_triangle;
-use super::device_profile::find_profile;
+use super::device_profile::{LINGER, find_profile};
 use super::interrupt::Interrupt;
 use super::load_scene;
 use super::output::print_out;
@@ -16,9 +16,6 @@ use capsense_hw::stream::{Encoder, Sample, Value};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-/// How long the last bytes are kept for whoever reads them.
-const LINGER: Duration = Duration::from_secs(2);
 
 /// Simulate a scene and send it as a board would
 #[derive(Debug, Args)]
@@ -80,11 +77,7 @@ pub(super) fn device(arguments: &DeviceArguments) -> anyhow::Result<()> {
         // What nobody reads is lost, as with a board; the count of samples tells of it.
         port.send(&bytes).context("cannot write to the pseudo-terminal")?;
     }
-    let ended = Instant::now();
-    while !interrupt.requested() && ended.elapsed() < LINGER {
-        port.send(&[]).context("cannot write to the pseudo-terminal")?;
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    port.linger(LINGER, || !interrupt.requested()).context("cannot write to the pseudo-terminal")?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! `capsense replay`: a recording once more, as fast as it was or otherwise.
 
 use super::BadInput;
-use super::device_profile::{find_profile, told};
+use super::device_profile::{LINGER, find_profile, told};
 use super::interrupt::Interrupt;
 use super::output::print_out;
 use anyhow::Context;
@@ -74,6 +74,7 @@ pub(super) fn replay(arguments: &ReplayArguments) -> anyhow::Result<()> {
                 }
             }
             while !pace.interrupt.requested() && !port.send(&[])? {}
+            port.linger(LINGER, || !pace.interrupt.requested())?;
             Ok(())
         }
     }
