@@ -56,6 +56,7 @@ fn exported(folder: &Path, device: &str) -> Vec<(usize, Vec<[f64; 2]>)> {
     drop(board);
     let outcome = capsense(folder, &["export", &file, "--out", &table]);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    std::fs::remove_file(folder.join(&file)).unwrap();
     let mut reader = csv::Reader::from_path(folder.join(&table)).unwrap();
     let channels = (reader.headers().unwrap().len() - 5) / 2;
     let number = |row: &csv::StringRecord, column: usize| row[column].parse().unwrap_or(f64::NAN);
@@ -124,7 +125,8 @@ fn errors_of_the_user_have_exit_code_2() {
         (&["export", "a.mcap", "--out", "a.csv"], "a.mcap"),
         (&["export", "a.mcap", "--out", "a.txt"], "a.txt"),
         (&["recover", "a.mcap", "--out", "b.mcap"], "a.mcap"),
-        (&["replay", "a.mcap", "--speed", "0"], "a.mcap"),
+        (&["replay", "a.mcap", "--speed", "0"], "--speed 0"),
+        (&["replay", "a.mcap", "--speed", "max"], "a.mcap"),
         (&["device", "--port", "pty", "--device", "text"], "counts"),
     ] {
         let outcome = capsense(folder.path(), arguments);

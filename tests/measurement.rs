@@ -87,7 +87,7 @@ fn every_key_is_read() {
     assert_eq!(told, expected);
 
     let pairs: Vec<(usize, usize)> =
-        model("measurement.crosstalk = 0.01").crosstalk.iter().map(|path| (path.from, path.to)).collect();
+        model("[measurement]\ncrosstalk = 0.01").crosstalk.iter().map(|path| (path.from, path.to)).collect();
     assert_eq!(pairs, [(0, 1), (1, 0), (1, 2), (2, 1)], "neighbours see each other");
     assert_eq!(model("[measurement.offset_dac]\nstep = 1e-12\nlargest = 3").channels[0].dac.setting, None);
 }
@@ -103,7 +103,7 @@ fn what_makes_no_sense_is_refused_with_its_line() {
         ("seed = -1", "measurement.seed", "negative"),
         ("channels = [[\"E1\", \"E3\"]]", "measurement.channels[0]", "`E3`"),
         ("channels = [[\"E1\", \"E2\"], [\"E2\", \"E1\"]]", "measurement.channels[1]", "twice"),
-        ("channels = [[\"E1\"]]", "measurement.channels[0]", "length 2"),
+        ("channels = [[\"E1\"]]", "measurement.channels", "length 2"),
         ("channels = []\ndead = [[\"E1\", \"E2\"]]", "measurement.dead[0]", "not among"),
         ("seconds_per_channel = 0.05", "measurement.seconds_per_channel", "do not fit"),
         ("delay = 2e4", "measurement.delay", "scans"),

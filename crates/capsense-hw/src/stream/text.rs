@@ -255,8 +255,14 @@ impl Lines {
 
     /// Reads a line; `None` if it has not the form of a sample.
     fn sample(&mut self, line: &[u8], values: &mut Vec<Value>) -> Option<Header> {
-        let line = line.trim_ascii().strip_prefix(self.format.prefix.as_bytes())?;
-        let line = line.strip_suffix(self.format.suffix.as_bytes())?;
+        let mut line = line.trim_ascii();
+        // An empty text has no memory; to compare with it took most of the time of a short line.
+        if !self.format.prefix.is_empty() {
+            line = line.strip_prefix(self.format.prefix.as_bytes())?;
+        }
+        if !self.format.suffix.is_empty() {
+            line = line.strip_suffix(self.format.suffix.as_bytes())?;
+        }
         values.clear();
         match &self.format.layout {
             LineLayout::Table(columns) => {
