@@ -41,6 +41,7 @@ fn plain(field: &[u8]) -> Option<f64> {
 
 /// The plain number that a text begins with, and its length: `-12`, `+1.5`, `.25`, with few enough digits that one division of exact
 /// numbers is correctly rounded (Clinger, 1990). What follows is for the caller to look at.
+#[inline]
 pub(super) fn plain_prefix(text: &[u8]) -> Option<(f64, usize)> {
     let sign = usize::from(matches!(text.first(), Some(b'+' | b'-')));
     let (mut mantissa, mut count) = digits(0, &text[sign..]);
@@ -63,6 +64,7 @@ const ROOM: [u64; 9] = [1, 10, 100, 1_000, 10_000, 100_000, 1_000_000, 10_000_00
 
 /// Takes the digits at the front of a text into a mantissa, and counts them. Eight bytes are looked at together; with more than
 /// [`EXACT_DIGITS`] the mantissa may be any.
+#[inline]
 fn digits(mut mantissa: u64, text: &[u8]) -> (u64, usize) {
     let mut count = 0;
     while let Some((word, _)) = text[count..].split_first_chunk::<8>() {
@@ -81,6 +83,7 @@ fn digits(mut mantissa: u64, text: &[u8]) -> (u64, usize) {
 }
 
 /// The digits that eight characters, the first in the lowest byte, begin with, and how many they are.
+#[inline]
 fn digits_of_word(word: u64) -> (u64, usize) {
     const EACH: u64 = u64::MAX / 255;
     let values = word ^ (EACH * u64::from(b'0'));
