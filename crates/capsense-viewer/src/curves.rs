@@ -394,7 +394,7 @@ mod tests {
         assert_eq!(parse(&measured).unwrap().entries()[0].farads, [1e-12]);
         assert!(
             message(&format!("{HEADER},raw_E1_E1,other\n"))
-                .contains("column 12: expected the end of the line")
+                .contains("column 12: expected `the end of the line`")
         );
         assert_eq!(curves.costs()[0].changed_edges, 120.0);
         assert_eq!(curves.costs()[1].total_ms(), 1.0);
