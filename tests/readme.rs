@@ -197,7 +197,7 @@ fn expected_names(text: &str) -> Vec<String> {
 }
 
 /// Tables of the scene file, each with text that puts `zzz = 1` into it.
-const TABLES: [(&str, &str); 11] = [
+const TABLES: [(&str, &str); 12] = [
     ("domain", "domain = { zzz = 1 }"),
     ("mesh", "mesh = { zzz = 1 }"),
     ("mesh.generate", "mesh.generate = { zzz = 1 }"),
@@ -209,16 +209,22 @@ const TABLES: [(&str, &str); 11] = [
     ("object.material", "object = [{ material = { zzz = 1 } }]"),
     ("object.trajectory", "object = [{ trajectory = { zzz = 1 } }]"),
     ("simulation", "simulation = { zzz = 1 }"),
+    ("measurement", "measurement = { zzz = 1 }"),
 ];
 
 /// Tables that one row explains.
-const SMALL_TABLES: [(&str, &str); 6] = [
+const SMALL_TABLES: [(&str, &str); 11] = [
     ("sensor.electrode.rectangle", "sensor.electrode = [{ rectangle = { zzz = 1 } }]"),
     ("sensor.electrode.disk", "sensor.electrode = [{ disk = { zzz = 1 } }]"),
     ("object.box", "object = [{ box = { zzz = 1 } }]"),
     ("object.sphere", "object = [{ sphere = { zzz = 1 } }]"),
     ("object.capsule", "object = [{ capsule = { zzz = 1 } }]"),
     ("object.cylinder", "object = [{ cylinder = { zzz = 1 } }]"),
+    ("measurement.mains", "measurement.mains = { zzz = 1 }"),
+    ("measurement.temperature", "measurement.temperature = { zzz = 1 }"),
+    ("measurement.humidity", "measurement.humidity = { zzz = 1 }"),
+    ("measurement.offset_dac", "measurement.offset_dac = { zzz = 1 }"),
+    ("measurement.converter", "measurement.converter = { zzz = 1 }"),
 ];
 
 /// Keys whose value is one of some words, each with text in which that word is `zzz`.

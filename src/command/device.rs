@@ -2,22 +2,20 @@
 
 use super::BadInput;
 use super::csv_table::upper_triangle;
-use super::device_profile::find_profile;
+use super::device_profile::{LINGER, find_profile};
 use super::interrupt::Interrupt;
 use super::load_scene;
 use super::output::print_out;
 use anyhow::Context;
+use capsense::Pipeline;
 use capsense::core::capacitance::CapacitanceMatrix;
-use capsense::{Pipeline, Scene};
+use capsense::core::measurement::Measurement;
 use capsense_hw::PseudoPort;
 use capsense_hw::profile::{DeviceProfile, Meaning};
 use capsense_hw::stream::{Encoder, Sample, Value};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-/// How long the last bytes are kept for whoever reads them.
-const LINGER: Duration = Duration::from_secs(2);
 
 /// Simulate a scene and send it as a board would
 #[derive(Debug, Args)]
@@ -52,6 +50,7 @@ pub(super) fn device(arguments: &DeviceArguments) -> anyhow::Result<()> {
     let scene = load_scene(arguments.scene.as_deref())?;
     let interrupt = Interrupt::listen().context("cannot listen for Ctrl-C")?;
     let mut pipeline = Pipeline::new(&scene)?;
+    let mut measurement = scene.measurement(pipeline.simulator().base())?;
     let Port::Pty = arguments.port;
     let mut port = PseudoPort::open()?;
     print_out(&format!("{}\n", port.path()))?;
@@ -65,32 +64,46 @@ pub(super) fn device(arguments: &DeviceArguments) -> anyhow::Result<()> {
         let frame = pipeline.frame(index % scene.frames)?;
         let due = Duration::from_secs_f64(index as f64 / scene.frame_rate);
         std::thread::sleep(due.saturating_sub(begun.elapsed()));
-        let values = values(&profile, &scene, &frame.capacitance);
+        let seen = match &mut measurement {
+            Some(measurement) => analogue(measurement, index as f64 / scene.frame_rate, &frame.capacitance),
+            None => upper_triangle(scene.electrodes.len())
+                .map(|(row, column)| Some(frame.capacitance.get(row, column)))
+                .collect(),
+        };
+        let values = values(&profile, scene.electrodes.len(), &seen);
         bytes.clear();
         let sample = Sample { values: &values, sequence: Some(count), device_time: Some(due), status: 0 };
         encoder.encode(&sample, &mut bytes);
         // What nobody reads is lost, as with a board; the count of samples tells of it.
         port.send(&bytes).context("cannot write to the pseudo-terminal")?;
     }
-    let ended = Instant::now();
-    while !interrupt.requested() && ended.elapsed() < LINGER {
-        port.send(&[]).context("cannot write to the pseudo-terminal")?;
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    port.linger(LINGER, || !interrupt.requested()).context("cannot write to the pseudo-terminal")?;
     Ok(())
 }
 
-/// Boards with a fixed number of channels measure the self-capacitance of an electrode with each; those with any number
-/// send the matrix's upper triangle in the order of `capacitance.csv`.
-fn values(profile: &DeviceProfile, scene: &Scene, capacitance: &CapacitanceMatrix) -> Vec<Value> {
-    let electrodes = scene.electrodes.len();
-    if profile.channels == 0 {
-        let entries = upper_triangle(electrodes).map(|(row, column)| capacitance.get(row, column));
-        return entries.enumerate().map(|(channel, farads)| profile.raw(channel, farads)).collect();
-    }
-    let measured = |channel| match channel < electrodes {
-        true => profile.raw(channel, capacitance.get(channel, channel)),
-        false => Value::Missing,
+/// The upper triangle of the matrix as the scene's converters see it before they round, which is the board's own matter;
+/// nothing for entries that they do not measure.
+fn analogue(measurement: &mut Measurement, time_s: f64, capacitance: &CapacitanceMatrix) -> Vec<Option<f64>> {
+    let readings = measurement.measure(time_s, capacitance).to_vec();
+    let measured = |(row, column)| {
+        let channel = measurement.channels().iter().position(|c| (c.row, c.column) == (row, column))?;
+        Some(readings[channel].analogue_farads)
     };
-    (0..profile.channels).map(measured).collect()
+    upper_triangle(capacitance.size()).map(measured).collect()
+}
+
+/// Boards with a fixed number of channels measure the self-capacitance of an electrode with each; those with any number
+/// send the matrix's upper triangle in the order of `capacitance.csv`. `seen` is that triangle.
+fn values(profile: &DeviceProfile, electrodes: usize, seen: &[Option<f64>]) -> Vec<Value> {
+    let entries = || upper_triangle(electrodes).zip(seen);
+    let value = |channel, farads: Option<f64>| match farads {
+        Some(farads) => profile.raw(channel, farads),
+        None => Value::Missing,
+    };
+    if profile.channels == 0 {
+        return entries().enumerate().map(|(channel, (_, farads))| value(channel, *farads)).collect();
+    }
+    let own: Vec<Option<f64>> =
+        entries().filter(|((row, column), _)| row == column).map(|(_, farads)| *farads).collect();
+    (0..profile.channels).map(|channel| value(channel, own.get(channel).copied().flatten())).collect()
 }

@@ -3,6 +3,10 @@
 use super::BadInput;
 use capsense_hw::profile::DeviceProfile;
 use capsense_hw::recording::RecordingError;
+use std::time::Duration;
+
+/// How long a pseudo-terminal keeps the last bytes for whoever reads them.
+pub(super) const LINGER: Duration = Duration::from_secs(2);
 
 /// The built-in profile of a name, or that of a file.
 pub(super) fn find_profile(name: &str) -> anyhow::Result<DeviceProfile> {

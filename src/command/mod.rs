@@ -8,6 +8,7 @@ mod device;
 mod device_profile;
 mod export;
 mod interrupt;
+mod measured;
 mod mesh;
 mod mesh_info;
 mod output;

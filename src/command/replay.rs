@@ -1,13 +1,13 @@
 //! `capsense replay`: a recording once more, as fast as it was or otherwise.
 
 use super::BadInput;
-use super::device_profile::{find_profile, told};
+use super::device_profile::{LINGER, find_profile, told};
 use super::interrupt::Interrupt;
 use super::output::print_out;
 use anyhow::Context;
 use capsense_hw::PseudoPort;
 use capsense_hw::profile::DeviceProfile;
-use capsense_hw::recording::{Decoded, Entry, RecordingReader, Samples};
+use capsense_hw::recording::{CsvTable, Decoded, Entry, RecordingReader, Samples};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -38,6 +38,8 @@ pub(super) struct ReplayArguments {
 enum Target {
     /// Samples as lines: time in seconds, then a value for each channel
     Terminal,
+    /// The table that `capsense export` writes, line by line
+    Csv,
     /// Bytes to a pseudo-terminal, whose path is the first line of output
     Pty,
 }
@@ -45,22 +47,22 @@ enum Target {
 pub(super) fn replay(arguments: &ReplayArguments) -> anyhow::Result<()> {
     let interrupt = Interrupt::listen().context("cannot listen for Ctrl-C")?;
     let profile = arguments.device.as_deref().map(find_profile).transpose()?;
-    let reader = RecordingReader::open(&arguments.file).map_err(told)?;
+    let reader = || RecordingReader::open(&arguments.file).map_err(told);
     let mut pace = Pace { speed: speed(&arguments.speed)?, begun: Instant::now(), interrupt };
     match arguments.to {
         Target::Terminal => {
-            let samples = Samples::new(reader, profile).map_err(told)?;
+            let samples = Samples::new(reader()?, profile).map_err(told)?;
             let profile = samples.profile().clone();
-            for sample in samples {
-                let sample = sample.map_err(told)?;
-                if !pace.wait(sample.time) {
-                    break;
-                }
-                print_out(&line(&profile, &sample))?;
-            }
-            Ok(())
+            show(samples, &mut pace, |sample| line(&profile, sample))
+        }
+        Target::Csv => {
+            let (table, samples) = CsvTable::open(&arguments.file, profile.as_ref()).map_err(told)?;
+            print_out(&table.header())?;
+            pace.begun = Instant::now();
+            show(samples, &mut pace, |sample| table.row(sample))
         }
         Target::Pty => {
+            let reader = reader()?;
             let mut port = PseudoPort::open()?;
             print_out(&format!("{}\n", port.path()))?;
             for entry in reader {
@@ -72,9 +74,22 @@ pub(super) fn replay(arguments: &ReplayArguments) -> anyhow::Result<()> {
                 }
             }
             while !pace.interrupt.requested() && !port.send(&[])? {}
+            port.linger(LINGER, || !pace.interrupt.requested())?;
             Ok(())
         }
     }
+}
+
+/// Prints each sample when it is due.
+fn show(samples: Samples, pace: &mut Pace, line: impl Fn(&Decoded) -> String) -> anyhow::Result<()> {
+    for sample in samples {
+        let sample = sample.map_err(told)?;
+        if !pace.wait(sample.time) {
+            break;
+        }
+        print_out(&line(&sample))?;
+    }
+    Ok(())
 }
 
 fn speed(text: &str) -> anyhow::Result<Option<f64>> {

@@ -1,6 +1,7 @@
 //! `report.json`: what was computed, how, how well and how fast.
 
 use super::bars::{BarLog, BarReport};
+use super::measured::MeasurementReport;
 use super::solve::preconditioner_name;
 use super::text::percentile;
 use capsense::pipeline::Milliseconds;
@@ -25,6 +26,9 @@ pub(super) struct Report<'a> {
     base_farads: Vec<&'a [f64]>,
     /// `null` where they cannot be told.
     error_bars: Option<BarReport<'a>>,
+    /// Only where the scene has converters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measurement: Option<MeasurementReport>,
     warnings: Vec<String>,
 }
 
@@ -144,6 +148,7 @@ impl<'a> Report<'a> {
             },
             base_farads: pipeline.simulator().base().rows().collect(),
             error_bars: None,
+            measurement: None,
             warnings: Vec::new(),
         }
     }
@@ -151,6 +156,11 @@ impl<'a> Report<'a> {
     /// Tells how exact the frames are.
     pub(super) fn with_error_bars(self, bars: &'a BarLog) -> Self {
         Self { error_bars: bars.report(), ..self }
+    }
+
+    /// Tells of the converters.
+    pub(super) fn with_measurement(self, measurement: Option<MeasurementReport>) -> Self {
+        Self { measurement, ..self }
     }
 
     /// Tells what is odd about the run but no error.

@@ -6,6 +6,7 @@ use super::csv_table::{csv_table, upper_triangle};
 use super::curves::curves;
 use super::interrupt::Interrupt;
 use super::load_scene;
+use super::measured::MeasurementLog;
 use super::output::{print_out, write_whole};
 use super::report::{Report, Spread};
 use super::text::{Prefix, table};
@@ -40,6 +41,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     let mut pipeline = Pipeline::new(&scene)?;
     let setup = started.elapsed().as_secs_f64() * 1e3;
     let mut bars = BarLog::new(&scene, &pipeline);
+    let mut measured = MeasurementLog::new(&scene, &pipeline)?;
     let mesh = pipeline.simulator().sensor().mesh();
     let origin = RunOrigin::new(&scene, arguments.scene.as_deref(), mesh)
         .context("cannot tell where the scene file is")?;
@@ -52,6 +54,7 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
             Ok(frame) => {
                 contacts.note(frame.index, &pipeline);
                 bars.note(&scene, &pipeline, &frame);
+                measured.note(&frame);
                 frames.push(frame);
             }
             Err(error) => failure = Some(error),
@@ -68,8 +71,10 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
         &scene,
         &pipeline,
         &frames,
+        &measured,
         &Report::new(origin, &scene, &pipeline, &frames, setup, !complete)
             .with_error_bars(&bars)
+            .with_measurement(measured.report(&scene))
             .with_warnings(warnings),
     )?;
     if let Some(error) = failure {
@@ -108,9 +113,10 @@ fn write_results(
     scene: &Scene,
     pipeline: &Pipeline,
     frames: &[Frame],
+    measured: &MeasurementLog,
     report: &Report<'_>,
 ) -> anyhow::Result<()> {
-    write_whole(&out.join(CURVES_FILE), &csv_table(&scene.electrodes, frames)?)?;
+    write_whole(&out.join(CURVES_FILE), &csv_table(scene, frames, measured)?)?;
     let drawing = curves(&scene.electrodes, pipeline.simulator().base(), frames)?;
     write_whole(&out.join(DRAWING_FILE), drawing.as_bytes())?;
     write_whole(&out.join(REPORT_FILE), &serde_json::to_vec_pretty(report)?)

@@ -8,6 +8,7 @@ mod design;
 mod electrode_stl;
 mod generate;
 mod geometry;
+mod measurement;
 mod mesh_file;
 mod object;
 mod raw;
@@ -21,8 +22,10 @@ pub use object::SceneObject;
 pub use source::{SceneError, Source};
 
 use crate::motion::frames_until_end;
+use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::Electrode;
 use capsense_core::geometry::Aabb;
+use capsense_core::measurement::{Measurement, MeasurementModel};
 use capsense_core::mesh::TetMesh;
 use capsense_core::occupancy::{Interface, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, Wall};
@@ -74,6 +77,8 @@ pub struct Scene {
     pub solver: SolverOptions,
     /// Threads to use; 0 for all cores. Results do not depend on it.
     pub threads: usize,
+    /// What converters make of the capacitances, if there are any.
+    pub measurement: Option<MeasurementModel>,
     /// What is odd but no error.
     pub warnings: Vec<String>,
 }
@@ -152,6 +157,17 @@ impl Scene {
             }
         }
     }
+
+    /// The converters of the scene, one scan a frame, if it has any. `base` is what the sensor has without objects: offset DACs
+    /// are set and offsets calibrated by it.
+    ///
+    /// # Errors
+    /// When it is a matrix of another sensor.
+    pub fn measurement(&self, base: &CapacitanceMatrix) -> Result<Option<Measurement>, SceneError> {
+        let begin = |model| Measurement::new(model, self.frame_rate, base);
+        let measurement = self.measurement.as_ref().map(begin).transpose();
+        measurement.map_err(|error| measurement::locate(&self.source, &error))
+    }
 }
 
 fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
@@ -194,6 +210,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         None => defaults.preconditioner,
     };
     let threads = check.count("solver.threads", raw.solver.threads.unwrap_or(0), 0, 1024)?;
+    let measurement = measurement::measurement(check, raw.measurement.as_ref(), &electrodes, frame_rate)?;
     Ok(Scene {
         source: check.source.clone(),
         domain,
@@ -218,6 +235,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
             ..defaults
         },
         threads,
+        measurement,
         warnings,
     })
 }

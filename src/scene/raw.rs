@@ -44,6 +44,7 @@ pub(super) struct RawScene {
     pub(super) simulation: RawSimulation,
     #[serde(default)]
     pub(super) solver: RawSolver,
+    pub(super) measurement: Option<RawMeasurement>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -255,4 +256,84 @@ pub(super) enum RawPreconditioner {
     Jacobi,
     None,
     Direct,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMeasurement {
+    pub(super) seed: Option<i64>,
+    pub(super) channels: Option<Vec<Tuple<String, 2>>>,
+    pub(super) dead: Option<Vec<Tuple<String, 2>>>,
+    pub(super) seconds_per_channel: Option<f64>,
+    pub(super) gain: Option<RawEach>,
+    pub(super) gain_spread: Option<RawEach>,
+    pub(super) offset: Option<RawEach>,
+    pub(super) offset_spread: Option<RawEach>,
+    pub(super) white_noise: Option<RawEach>,
+    pub(super) drift: Option<RawEach>,
+    pub(super) delay: Option<RawEach>,
+    pub(super) jitter: Option<RawEach>,
+    pub(super) crosstalk: Option<RawCrosstalk>,
+    pub(super) mains: Option<RawMains>,
+    pub(super) temperature: Option<RawInfluence>,
+    pub(super) humidity: Option<RawInfluence>,
+    pub(super) offset_dac: Option<RawOffsetDac>,
+    pub(super) converter: Option<RawConverter>,
+    pub(super) calibration_scans: Option<i64>,
+}
+
+/// A number for all channels, or one for each.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a number, or a list with one for each channel")]
+pub(super) enum RawEach {
+    All(f64),
+    One(Vec<f64>),
+}
+
+/// What neighbours see of each other, or what each channel (row) sees of each (column).
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a number, or a list of lists of numbers")]
+pub(super) enum RawCrosstalk {
+    Neighbours(f64),
+    Matrix(Vec<Vec<f64>>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawMains {
+    pub(super) amplitude: f64,
+    pub(super) frequency: f64,
+    #[serde(default)]
+    pub(super) integration: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawInfluence {
+    pub(super) change: f64,
+    #[serde(default)]
+    pub(super) seconds: f64,
+    #[serde(default)]
+    pub(super) gain: f64,
+    #[serde(default)]
+    pub(super) offset: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawOffsetDac {
+    pub(super) step: f64,
+    pub(super) largest: i64,
+    pub(super) setting: Option<RawEach>,
+    #[serde(default)]
+    pub(super) spread: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawConverter {
+    pub(super) step: f64,
+    pub(super) bits: i64,
+    #[serde(default)]
+    pub(super) zero: f64,
 }

@@ -18,6 +18,17 @@ impl CapacitanceMatrix {
         Self { size, farads: vec![0.0; size * size] }
     }
 
+    /// Entries of the upper triangle as `farads` tells them, and their mirror images.
+    pub fn from_upper(size: usize, mut farads: impl FnMut(usize, usize) -> f64) -> Self {
+        let mut matrix = Self::zeros(size);
+        for row in 0..size {
+            for column in row..size {
+                matrix.set(row, column, farads(row, column));
+            }
+        }
+        matrix
+    }
+
     /// Number of terminals.
     pub fn size(&self) -> usize {
         self.size

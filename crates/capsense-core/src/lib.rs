@@ -2,8 +2,8 @@
 //!
 //! No files, no clocks, no GPU. [`simulator::Simulator::step`] is the one main path; what it calls stands in the other
 //! modules, which build on each other in this order: [`units`], [`geometry`], [`mesh`], [`electrode`], [`material`],
-//! [`sensor`], [`occupancy`], [`solids`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stands
-//! [`baseline`], the methods it is compared with.
+//! [`sensor`], [`occupancy`], [`solids`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stand
+//! [`measurement`], what converters make of capacitances, and [`baseline`], the methods it is compared with.
 
 #![forbid(unsafe_code)]
 
@@ -14,6 +14,7 @@ pub mod estimate;
 mod fields;
 pub mod geometry;
 pub mod material;
+pub mod measurement;
 pub mod mesh;
 pub mod occupancy;
 pub mod sensor;

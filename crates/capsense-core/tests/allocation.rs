@@ -4,9 +4,11 @@
 
 mod common;
 
+use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::{Connection, Material};
+use capsense_core::measurement::{ChannelModel, Crosstalk, Measurement, MeasurementModel};
 use capsense_core::occupancy::{DepthLayers, Surfaces};
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
@@ -43,6 +45,28 @@ unsafe impl GlobalAlloc for Counting {
 
 #[global_allocator]
 static COUNTING: Counting = Counting;
+
+/// Converters with all kinds of errors: a reading allocates nothing.
+fn allocations_of_readings() -> usize {
+    let base = CapacitanceMatrix::from_upper(2, |row, column| if row == column { 1e-11 } else { -1e-12 });
+    let channels = [(0, 0), (0, 1), (1, 1)].map(|(row, column)| ChannelModel {
+        row,
+        column,
+        white_noise_farads: 1e-16,
+        drift_farads: 1e-16,
+        delay_seconds: 0.03,
+        jitter_seconds: 0.01,
+        ..ChannelModel::default()
+    });
+    let crosstalk = vec![Crosstalk { from: 0, to: 1, factor: 0.1 }];
+    let model = MeasurementModel { channels: channels.to_vec(), crosstalk, ..MeasurementModel::default() };
+    let mut measurement = Measurement::new(&model, 100.0, &base).unwrap();
+    let start = ALLOCATIONS.load(Ordering::Relaxed);
+    for frame in 0..100 {
+        assert_eq!(measurement.measure(f64::from(frame) / 100.0, &base).len(), 3);
+    }
+    ALLOCATIONS.load(Ordering::Relaxed) - start
+}
 
 /// There and back on a way of 20 mm, 1 mm a frame.
 const FRAMES: usize = 40;
@@ -113,4 +137,5 @@ fn frames_allocate_nothing() {
         "updates and solves in {FRAMES} frames: {by_camera:?} by camera, {by_solids:?} by solids, {exact:?} exact"
     );
     assert_eq!([by_camera[0], by_solids[0], exact[0]], [0, 0, 0], "updates");
+    assert_eq!(allocations_of_readings(), 0, "readings");
 }

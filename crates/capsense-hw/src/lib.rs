@@ -3,6 +3,7 @@
 //!
 //! - [`profile`]: what is known of a converter and its firmware, built in or from TOML; words to capacitance and back.
 //! - [`stream`]: decoders and encoders of what boards send, without input or output.
+//! - [`iq`]: mutual capacitance from sampled waveforms.
 //! - [`recording`]: files that keep every byte beside what was made of it, and survive being cut off.
 //! - [`PortReader`] and [`record`]: a port read on a thread of its own, into a recording.
 //!
@@ -15,6 +16,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod iq;
 mod port_reader;
 mod ports;
 pub mod profile;

@@ -46,7 +46,7 @@ pub enum PortNews {
 pub struct PortReader {
     events: Receiver<PortEvent>,
     stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    thread: Option<JoinHandle<u64>>,
 }
 
 impl PortReader {
@@ -83,13 +83,11 @@ impl PortReader {
         self.events.recv_timeout(patience).ok()
     }
 
-    /// Stops reading. What waits in the queue can still be taken.
-    pub fn stop(&mut self) {
+    /// Stops reading, and tells how many bytes were dropped that no event tells of. What waits in the queue can still be taken.
+    pub fn stop(&mut self) -> u64 {
         self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            // A panic of the thread has been printed; there is nothing to add.
-            drop(thread.join());
-        }
+        // A panic of the thread has been printed; there is nothing to add.
+        self.thread.take().and_then(|thread| thread.join().ok()).unwrap_or(0)
     }
 }
 
@@ -107,36 +105,38 @@ struct Worker {
 }
 
 impl Worker {
-    fn run<R: Read>(mut self, mut open: impl FnMut() -> Result<R, String>) {
+    fn run<R: Read>(mut self, mut open: impl FnMut() -> Result<R, String>) -> u64 {
         while self.goes_on() {
             match open() {
                 Ok(port) => {
                     self.send_surely(PortNews::Connected);
-                    let reason = self.read(port);
-                    self.send_surely(PortNews::Disconnected(reason));
+                    if let Some(reason) = self.read(port) {
+                        self.send_surely(PortNews::Disconnected(reason));
+                    }
                 }
                 Err(_) => std::thread::sleep(RETRY),
             }
         }
+        self.dropped
     }
 
     fn goes_on(&self) -> bool {
         !self.stopped.load(Ordering::Relaxed)
     }
 
-    /// Reads until the port is gone, and says why. At unplug some systems read nothing for ever, and some fail while
+    /// Reads until the port is gone, and says why; `None` if it was told to stop. At unplug some systems read nothing for ever, and some fail while
     /// bytes are still to be had; those are lost.
-    fn read(&mut self, mut port: impl Read) -> String {
+    fn read(&mut self, mut port: impl Read) -> Option<String> {
         let mut buffer = vec![0; LARGEST_PIECE];
         while self.goes_on() {
             match port.read(&mut buffer) {
-                Ok(0) => return "end of file".to_owned(),
+                Ok(0) => return Some("end of file".to_owned()),
                 Ok(count) => self.send(buffer[..count].to_vec()),
                 Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted) => {}
-                Err(error) => return error.to_string(),
+                Err(error) => return Some(error.to_string()),
             }
         }
-        "stopped".to_owned()
+        None
     }
 
     fn event(&mut self, what: PortNews) -> PortEvent {
@@ -159,6 +159,7 @@ impl Worker {
         let mut event = self.event(what);
         while let Err(TrySendError::Full(back)) = self.sender.try_send(event) {
             if !self.goes_on() {
+                self.dropped = back.dropped;
                 return;
             }
             event = back;
@@ -192,6 +193,28 @@ mod tests {
 
     fn news(reader: &PortReader, count: usize) -> Vec<PortEvent> {
         (0..count).map(|_| reader.next(Duration::from_secs(20)).unwrap()).collect()
+    }
+
+    /// The end that was asked for is no loss of the port, and what the full queue dropped before it is told.
+    #[test]
+    fn a_reader_that_is_stopped_tells_what_it_dropped() {
+        struct Quiet(Pieces);
+        impl Read for Quiet {
+            fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+                if self.0.0.is_empty() {
+                    std::thread::sleep(Duration::from_millis(1));
+                    return Err(ErrorKind::TimedOut.into());
+                }
+                self.0.read(buffer)
+            }
+        }
+        let pieces = || VecDeque::from([Ok(vec![1]), Ok(vec![2, 2]), Ok(vec![3, 3, 3])]);
+        let mut reader = PortReader::start(2, move || Ok(Quiet(Pieces(pieces())))).unwrap();
+        std::thread::sleep(Duration::from_millis(100));
+        assert_eq!(reader.stop(), 5);
+        let what: Vec<PortNews> = news(&reader, 2).into_iter().map(|event| event.what).collect();
+        assert_eq!(what, [PortNews::Connected, PortNews::Bytes(vec![1])]);
+        assert_eq!(reader.next(Duration::ZERO), None);
     }
 
     #[test]

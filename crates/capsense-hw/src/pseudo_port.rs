@@ -2,7 +2,7 @@
 
 use crate::ports::HwError;
 use std::io::{self, ErrorKind, Write};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How long a write waits for room.
 const PATIENCE: Duration = Duration::from_millis(1);
@@ -57,6 +57,20 @@ impl PseudoPort {
         self.unsent.extend_from_slice(bytes);
         self.send_rest()?;
         Ok(true)
+    }
+
+    /// Keeps what was sent for whoever still reads it: closing a pseudo-terminal takes it away. Ends after a time, or when `go_on`
+    /// says so.
+    ///
+    /// # Errors
+    /// When the pseudo-terminal fails.
+    pub fn linger(&mut self, time: Duration, mut go_on: impl FnMut() -> bool) -> io::Result<()> {
+        let begun = Instant::now();
+        while go_on() && begun.elapsed() < time {
+            self.send(&[])?;
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(())
     }
 
     fn send_rest(&mut self) -> io::Result<()> {

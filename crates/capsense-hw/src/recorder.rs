@@ -62,10 +62,11 @@ pub fn record(
         }
         session.writer.tick(session.counters.time)?;
     }
-    reader.stop();
+    let dropped = reader.stop();
     while let Some(event) = reader.next(Duration::ZERO) {
         session.take(event)?;
     }
+    session.dropped(dropped)?;
     session.end_of_stream()?;
     let counters = session.counters;
     writer.finish()?;
@@ -82,11 +83,7 @@ struct Session<'a> {
 impl Session<'_> {
     fn take(&mut self, event: PortEvent) -> Result<(), RecordingError> {
         self.counters.time = event.time;
-        if event.dropped > 0 {
-            self.counters.dropped += event.dropped;
-            self.end_of_stream()?;
-            self.writer.note(event.time, &Note::Dropped { bytes: event.dropped })?;
-        }
+        self.dropped(event.dropped)?;
         match event.what {
             PortNews::Connected => self.writer.note(event.time, &Note::Connected),
             PortNews::Disconnected(reason) => {
@@ -100,6 +97,16 @@ impl Session<'_> {
                 self.decode(|decoder, events| decoder.push(&bytes, event.time, events))
             }
         }
+    }
+
+    /// Counts bytes that are missing here, and says so in the recording.
+    fn dropped(&mut self, bytes: u64) -> Result<(), RecordingError> {
+        if bytes == 0 {
+            return Ok(());
+        }
+        self.counters.dropped += bytes;
+        self.end_of_stream()?;
+        self.writer.note(self.counters.time, &Note::Dropped { bytes })
     }
 
     /// What comes next does not continue what came before.

@@ -141,6 +141,20 @@ fn a_recording_cut_off_anywhere_is_recovered() {
     assert!(tried >= 50);
 }
 
+/// As the documentation says: the whole recording takes the name that the one cut off would have had.
+#[test]
+fn a_recording_is_recovered_under_its_own_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let (writer, _) = record(&path, &built_in("fdc2214").unwrap(), 100);
+    drop(writer);
+    let report = recover(&partial(&path), &path).unwrap();
+    assert!(report.messages > 0 && !samples(&path).is_empty());
+    assert!(partial(&path).exists(), "nothing is taken away");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    assert!(recover(&partial(&path), &path).is_err(), "nor overwritten");
+}
+
 #[test]
 fn a_recording_that_is_cut_off_is_not_taken_for_whole() {
     let folder = tempfile::tempdir().unwrap();

@@ -103,6 +103,20 @@ fn bare_numbers() {
     assert_eq!(lines("text", "nan 3 inf\nOVF -3.-7 5\n\nhello 3\n"), ["! 3 !", "! ! 5", "``", "`hello 3`"]);
 }
 
+/// A grid of six electrodes as a robot carries it: rows of six counts between tabs, Windows line ends, the first line cut.
+#[test]
+fn six_counts_between_tabs() {
+    let rows: Vec<String> = (0..40)
+        .map(|n| (0..6).map(|c| (650 + 7 * c + n % 5).to_string()).collect::<Vec<_>>().join("\t"))
+        .collect();
+    let text = format!("54\t683\t672\t652\r\n{}\r\n", rows.join("\r\n"));
+    let pieces: Vec<&[u8]> = text.as_bytes().chunks(17).collect();
+    let events = decode("text", Start::Anywhere, &pieces);
+    let expected: Vec<String> = rows.iter().map(|row| row.replace('\t', " ")).collect();
+    assert_eq!(events[0], "passed over 16");
+    assert_eq!(events[1..], expected);
+}
+
 #[test]
 fn labelled_crossings() {
     let events = lines("grid-labelled", "8123 , Row 0, Col 1 : 43823473\n8123 , Row 9, Col 1 : 43823473\n");

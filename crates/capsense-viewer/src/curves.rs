@@ -2,7 +2,8 @@
 //!
 //! The file starts `frame,time_s`, then has one column `C_A_B_F` for every entry of the upper triangle of the Maxwell
 //! matrix over the electrodes, in farads, row by row, then `changed_edges,iterations,geometry_ms,update_ms,solve_ms`.
-//! Electrode names may contain underscores: the diagonal columns `C_A_A_F` say what they are.
+//! Electrode names may contain underscores: the diagonal columns `C_A_A_F` say what they are. At the end there may be `raw_A_B` and
+//! `measured_A_B_F`, what the scene's converters read; they are not shown.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -297,11 +298,12 @@ fn electrodes_of(names: &[&str], file: &Path) -> Result<Vec<String>, CurvesError
         expect(index, name)?;
         index += 1;
     }
-    match names.get(index) {
+    let of_converter = |name: &&str| name.starts_with("raw_") || name.starts_with("measured_");
+    match names[index..].iter().position(|name| !of_converter(name)).and_then(|at| names.get(index + at)) {
         None => Ok(electrodes),
         Some(found) => Err(CurvesError::Header {
             file: file.to_owned(),
-            column: index + 1,
+            column: 1 + names.iter().position(|name| name == found).unwrap_or(index),
             expected: "the end of the line".to_owned(),
             found: Some((*found).to_owned()),
         }),
@@ -385,6 +387,14 @@ mod tests {
                 (0, 1, "E1–E2", vec![-2e-13, -1e-13]),
                 (1, 1, "E2–E2", vec![3e-12, 3e-12]),
             ]
+        );
+        let measured = format!(
+            "{HEADER},raw_E1_E1,measured_E1_E1_F\n0,0,1e-12,-2e-13,3e-12,120,7,0.5,0.25,1.25,17,1e-12\n"
+        );
+        assert_eq!(parse(&measured).unwrap().entries()[0].farads, [1e-12]);
+        assert!(
+            message(&format!("{HEADER},raw_E1_E1,other\n"))
+                .contains("column 12: expected `the end of the line`")
         );
         assert_eq!(curves.costs()[0].changed_edges, 120.0);
         assert_eq!(curves.costs()[1].total_ms(), 1.0);

@@ -62,8 +62,56 @@ pub(super) fn flags(profile: &DeviceProfile, sample: &Decoded) -> String {
     status.chain(remarks).collect::<Vec<_>>().join(" ")
 }
 
-/// Writes a recording as CSV: `time_s,device_time_s,sequence,status`, then `C1_raw,C1_F` and so on, then `flags`. Cells
-/// without a value are empty. With a profile the bytes are decoded by it in place of the recording's own.
+/// The samples of a recording as lines of CSV: `time_s,device_time_s,sequence,status`, then `C1_raw,C1_F` and so on, then `flags`.
+/// Cells without a value are empty.
+#[derive(Clone, Debug)]
+pub struct CsvTable {
+    profile: DeviceProfile,
+    channels: usize,
+}
+
+impl CsvTable {
+    /// The table and the samples of a recording. With a profile the bytes are decoded by it in place of the recording's own.
+    ///
+    /// # Errors
+    /// When the recording cannot be read.
+    pub fn open(
+        recording: &Path,
+        profile: Option<&DeviceProfile>,
+    ) -> Result<(Self, Samples), RecordingError> {
+        let (samples, channels) = open(recording, profile)?;
+        Ok((Self { profile: samples.profile().clone(), channels }, samples))
+    }
+
+    /// The first line, with its end.
+    pub fn header(&self) -> String {
+        let suffix = value_suffix(self.profile.meaning);
+        let mut line = String::from("time_s,device_time_s,sequence,status");
+        for channel in 1..=self.channels {
+            line += &format!(",C{channel}_raw");
+            line += &suffix.map(|suffix| format!(",C{channel}_{suffix}")).unwrap_or_default();
+        }
+        line + ",flags\n"
+    }
+
+    /// The line of a sample, with its end.
+    pub fn row(&self, sample: &Decoded) -> String {
+        let text = |number: Option<f64>| number.map(|number| number.to_string()).unwrap_or_default();
+        let device_time = text(sample.device_time.map(|time| time.as_secs_f64()));
+        let sequence = sample.sequence.map(|count| count.to_string()).unwrap_or_default();
+        let mut line = format!("{},{device_time},{sequence},{}", sample.time.as_secs_f64(), sample.status);
+        for channel in 0..self.channels {
+            let [raw, value] = cell(&self.profile, sample, channel);
+            line += &format!(",{}", text(raw));
+            if value_suffix(self.profile.meaning).is_some() {
+                line += &value.map(|value| format!(",{value:e}")).unwrap_or_else(|| ",".to_owned());
+            }
+        }
+        line + &format!(",{}\n", flags(&self.profile, sample))
+    }
+}
+
+/// Writes a recording as a [`CsvTable`].
 ///
 /// # Errors
 /// When the recording cannot be read or the file cannot be written.
@@ -72,35 +120,15 @@ pub fn export_csv(
     profile: Option<&DeviceProfile>,
     out: &Path,
 ) -> Result<ExportReport, RecordingError> {
-    let (samples, channels) = open(recording, profile)?;
-    let profile = samples.profile().clone();
-    let suffix = value_suffix(profile.meaning);
+    let (table, samples) = CsvTable::open(recording, profile)?;
     let mut file = BufWriter::new(File::create(out).map_err(RecordingError::file(out))?);
-    let mut line = String::from("time_s,device_time_s,sequence,status");
-    for channel in 1..=channels {
-        line += &format!(",C{channel}_raw");
-        line += &suffix.map(|suffix| format!(",C{channel}_{suffix}")).unwrap_or_default();
-    }
-    line += ",flags\n";
-    let mut report = ExportReport { samples: 0, channels };
-    let text = |number: Option<f64>| number.map(|number| number.to_string()).unwrap_or_default();
+    let mut write = |line: String| file.write_all(line.as_bytes()).map_err(RecordingError::file(out));
+    let mut report = ExportReport { samples: 0, channels: table.channels };
+    write(table.header())?;
     for sample in samples {
-        file.write_all(line.as_bytes()).map_err(RecordingError::file(out))?;
-        let sample = sample?;
-        let device_time = text(sample.device_time.map(|time| time.as_secs_f64()));
-        let sequence = sample.sequence.map(|count| count.to_string()).unwrap_or_default();
-        line = format!("{},{device_time},{sequence},{}", sample.time.as_secs_f64(), sample.status);
-        for channel in 0..channels {
-            let [raw, value] = cell(&profile, &sample, channel);
-            line += &format!(",{}", text(raw));
-            if suffix.is_some() {
-                line += &value.map(|value| format!(",{value:e}")).unwrap_or_else(|| ",".to_owned());
-            }
-        }
-        line += &format!(",{}\n", flags(&profile, &sample));
+        write(table.row(&sample?))?;
         report.samples += 1;
     }
-    file.write_all(line.as_bytes()).map_err(RecordingError::file(out))?;
     file.flush().map_err(RecordingError::file(out))?;
     Ok(report)
 }

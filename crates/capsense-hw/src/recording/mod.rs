@@ -19,7 +19,7 @@ mod recover;
 mod samples;
 mod writer;
 
-pub use export::{ExportReport, export_csv};
+pub use export::{CsvTable, ExportReport, export_csv};
 pub use parquet_file::export_parquet;
 pub use reader::{Entry, RecordingReader};
 pub use recover::{RecoveryReport, recover};

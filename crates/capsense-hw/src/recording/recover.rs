@@ -27,7 +27,8 @@ pub fn recover(from: &Path, to: &Path) -> Result<RecoveryReport, RecordingError>
         let message = "there is no whole chunk with its header".to_owned();
         return Err(RecordingError::Foreign { path: from.to_owned(), message });
     }
-    let (partial, mut file) = create_partial(to)?;
+    // Not the name of a recording that is cut off: most often that is the one to recover.
+    let (partial, mut file) = create_partial(to, ".recovering")?;
     let mut report = RecoveryReport { messages: 0, cut_off: None };
     for message in messages {
         match message {

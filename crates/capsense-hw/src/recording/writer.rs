@@ -72,7 +72,7 @@ impl RecordingWriter {
     /// When there is a file of this name, or it cannot be written.
     pub fn create(path: &Path, header: &Header) -> Result<Self, RecordingError> {
         let profile = header.device_profile()?;
-        let (partial, mut file) = create_partial(path)?;
+        let (partial, mut file) = create_partial(path, ".partial")?;
         let mut add = |topic: &str, encoding: &str, schema: Option<(&str, &str)>| {
             let schema = match schema {
                 Some((name, text)) => file.add_schema(name, "jsonschema", text.as_bytes())?,
@@ -217,9 +217,10 @@ fn json(message: &impl Serialize, path: &Path) -> Result<Vec<u8>, RecordingError
 /// Opens the file under the name it has until it is complete.
 pub(super) fn create_partial(
     path: &Path,
+    suffix: &str,
 ) -> Result<(PathBuf, mcap::Writer<BufWriter<File>>), RecordingError> {
     let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
+    partial.push(suffix);
     let partial = PathBuf::from(partial);
     if path.exists() {
         let error = std::io::Error::from(std::io::ErrorKind::AlreadyExists);

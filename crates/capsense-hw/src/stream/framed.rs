@@ -6,7 +6,7 @@
 
 use super::checksum::Checksum;
 use super::decoder::Start;
-use super::{FormatError, Header, MOST_CHANNELS, Sample, Step, Value, hex};
+use super::{FormatError, Header, MOST_CHANNELS, Sample, Step, Value, after_start, before_end, hex};
 use serde::{Deserialize, Serialize};
 
 /// Longest frame, in bytes.
@@ -303,7 +303,9 @@ impl FramedFormat {
             let sum = checksum.order.read(&trailer[..checksum.kind.size()]);
             body.get(checksum.from..).is_some_and(|covered| checksum.kind.of(covered) == sum)
         };
-        frame.starts_with(&self.start) && frame.ends_with(&self.end) && self.checksum.is_none_or(sound)
+        after_start(frame, &self.start).is_some()
+            && before_end(frame, &self.end).is_some()
+            && self.checksum.is_none_or(sound)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Fields of a line: what lies between delimiters.
 
+use super::number::plain_prefix;
+
 /// What a byte does in a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
@@ -51,6 +53,30 @@ impl<'a> Fields<'a> {
         let spaces = self.rest.iter().position(content).unwrap_or(self.rest.len());
         self.rest = &self.rest[spaces..];
     }
+
+    /// Goes on behind a field that ends at so many bytes.
+    fn pass(&mut self, end: usize) {
+        self.rest = &self.rest[end..];
+        self.skip_spaces();
+        self.expects_one = false;
+        if let Some((&byte, rest)) = self.rest.split_first()
+            && self.delimiters.role(byte) == Role::Separator
+        {
+            self.rest = rest;
+            self.expects_one = true;
+        }
+    }
+
+    /// The next field, if it is a plain number; in one walk, as nearly all fields are one. If not, it is still to come.
+    pub(super) fn next_plain(&mut self) -> Option<f64> {
+        self.skip_spaces();
+        let (number, length) = plain_prefix(self.rest)?;
+        let ends = self.rest.get(length).is_none_or(|byte| self.delimiters.role(*byte) != Role::Content);
+        ends.then(|| {
+            self.pass(length);
+            number
+        })
+    }
 }
 
 impl<'a> Iterator for Fields<'a> {
@@ -63,16 +89,8 @@ impl<'a> Iterator for Fields<'a> {
         }
         let delimiter = |byte: &u8| self.delimiters.role(*byte) != Role::Content;
         let end = self.rest.iter().position(delimiter).unwrap_or(self.rest.len());
-        let field;
-        (field, self.rest) = self.rest.split_at(end);
-        self.skip_spaces();
-        self.expects_one = false;
-        if let Some((&byte, rest)) = self.rest.split_first()
-            && self.delimiters.role(byte) == Role::Separator
-        {
-            self.rest = rest;
-            self.expects_one = true;
-        }
+        let field = &self.rest[..end];
+        self.pass(end);
         Some(field.trim_ascii())
     }
 }
@@ -84,6 +102,27 @@ mod tests {
     fn fields(delimiters: &str, merge: bool, line: &str) -> Vec<String> {
         let delimiters = Delimiters::new(delimiters, merge);
         delimiters.fields(line.as_bytes()).map(|field| String::from_utf8_lossy(field).into_owned()).collect()
+    }
+
+    /// Field by field, read as a number where it is one, or else as it stands.
+    #[test]
+    fn plain_numbers_are_fields_like_others() {
+        for line in ["12, 3.5,,x, 4 5", "7", " 1 ,", "1e5,-2", "1.2.3 4", ",1"] {
+            for delimiters in [",", ", ", ",\t ", ";"] {
+                let delimiters = Delimiters::new(delimiters, false);
+                let mut by_number = delimiters.fields(line.as_bytes());
+                for field in delimiters.fields(line.as_bytes()) {
+                    match by_number.next_plain() {
+                        Some(number) => {
+                            let text = std::str::from_utf8(field).unwrap();
+                            assert_eq!(text.parse::<f64>().unwrap(), number, "{line}");
+                        }
+                        None => assert_eq!(by_number.next(), Some(field), "{line}"),
+                    }
+                }
+                assert_eq!((by_number.next_plain(), by_number.next()), (None, None), "{line}");
+            }
+        }
     }
 
     #[test]

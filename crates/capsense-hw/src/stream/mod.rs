@@ -169,6 +169,17 @@ impl Encoder {
     }
 }
 
+/// What comes after a start that bytes must have. An empty one has no memory: to compare with it took most of the time of a
+/// short line or frame, as masked loads from where nothing is are slow.
+fn after_start<'a>(bytes: &'a [u8], start: &[u8]) -> Option<&'a [u8]> {
+    if start.is_empty() { Some(bytes) } else { bytes.strip_prefix(start) }
+}
+
+/// What comes before an end that bytes must have.
+fn before_end<'a>(bytes: &'a [u8], end: &[u8]) -> Option<&'a [u8]> {
+    if end.is_empty() { Some(bytes) } else { bytes.strip_suffix(end) }
+}
+
 /// What the bytes at hand begin with.
 #[derive(Clone, Debug, PartialEq)]
 enum Step {

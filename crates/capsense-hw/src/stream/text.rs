@@ -5,7 +5,7 @@
 use super::decoder::Start;
 use super::line::{Delimiters, Fields};
 use super::number::{Token, token};
-use super::{FormatError, Header, MOST_CHANNELS, Sample, Step, Value};
+use super::{FormatError, Header, MOST_CHANNELS, Sample, Step, Value, after_start, before_end};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -255,8 +255,8 @@ impl Lines {
 
     /// Reads a line; `None` if it has not the form of a sample.
     fn sample(&mut self, line: &[u8], values: &mut Vec<Value>) -> Option<Header> {
-        let line = line.trim_ascii().strip_prefix(self.format.prefix.as_bytes())?;
-        let line = line.strip_suffix(self.format.suffix.as_bytes())?;
+        let line = after_start(line.trim_ascii(), self.format.prefix.as_bytes())?;
+        let line = before_end(line, self.format.suffix.as_bytes())?;
         values.clear();
         match &self.format.layout {
             LineLayout::Table(columns) => {
@@ -283,10 +283,11 @@ impl Row<'_> {
         let mut own = None;
         for column in columns {
             match column {
-                Column::Seconds => header.device_time = Some(clock(fields.next()?, 1.0)?),
-                Column::Milliseconds => header.device_time = Some(clock(fields.next()?, 1e-3)?),
-                Column::Microseconds => header.device_time = Some(clock(fields.next()?, 1e-6)?),
+                Column::Seconds => header.device_time = Some(next_clock(&mut fields, 1.0)?),
+                Column::Milliseconds => header.device_time = Some(next_clock(&mut fields, 1e-3)?),
+                Column::Microseconds => header.device_time = Some(next_clock(&mut fields, 1e-6)?),
                 Column::Sequence => header.sequence = Some(count(fields.next()?)?),
+                Column::Ignored if fields.next_plain().is_some() => {}
                 Column::Ignored => drop(fields.next()?),
                 Column::Label => {
                     if !self.label.is_empty() {
@@ -294,7 +295,7 @@ impl Row<'_> {
                     }
                     self.label.extend_from_slice(fields.next()?);
                 }
-                Column::Value => own = Some(self.format.value(fields.next()?)?),
+                Column::Value => own = Some(self.format.next_value(&mut fields)?),
                 Column::Values => self.values(&mut fields)?,
                 Column::Note => return self.finish(own, header),
             }
@@ -308,10 +309,14 @@ impl Row<'_> {
 
     fn values(&mut self, fields: &mut Fields<'_>) -> Option<()> {
         let most = self.format.channels.unwrap_or(MOST_CHANNELS);
-        while self.values.len() < most
-            && let Some(field) = fields.next()
-        {
-            self.values.push(self.format.value(field)?);
+        while self.values.len() < most {
+            match fields.next_plain() {
+                Some(number) => self.values.push(self.format.number(number)),
+                None => match fields.next() {
+                    Some(field) => self.values.push(self.format.value(field)?),
+                    None => break,
+                },
+            }
         }
         let full = self.format.channels.is_none_or(|channels| channels == self.values.len());
         (full && !self.values.is_empty()).then_some(())
@@ -332,14 +337,25 @@ impl TextFormat {
             return Some(Value::Missing);
         }
         match token(field) {
-            Token::Number(number) if self.missing.contains(&number) => Some(Value::Missing),
-            Token::Number(number) => Some(Value::Number(number)),
+            Token::Number(number) => Some(self.number(number)),
             Token::Malformed => Some(Value::Invalid),
             Token::Word => {
                 let known = self.invalid.iter().any(|word| word.as_bytes().eq_ignore_ascii_case(field));
                 known.then_some(Value::Invalid)
             }
         }
+    }
+
+    /// What the next field says; `None` also where there is none.
+    fn next_value(&self, fields: &mut Fields<'_>) -> Option<Value> {
+        match fields.next_plain() {
+            Some(number) => Some(self.number(number)),
+            None => self.value(fields.next()?),
+        }
+    }
+
+    fn number(&self, number: f64) -> Value {
+        if self.missing.contains(&number) { Value::Missing } else { Value::Number(number) }
     }
 
     /// Sets the value of the channel with a label and leaves the others missing; `None` for an unknown label.
@@ -385,6 +401,14 @@ impl TextFormat {
 fn split_at_colon(text: &[u8]) -> Option<(&[u8], &[u8])> {
     let at = memchr::memchr(b':', text)?;
     Some((&text[..at], &text[at + 1..]))
+}
+
+/// The clock that the next field shows.
+fn next_clock(fields: &mut Fields<'_>, unit: f64) -> Option<Duration> {
+    match fields.next_plain() {
+        Some(number) => Duration::try_from_secs_f64(number * unit).ok(),
+        None => clock(fields.next()?, unit),
+    }
 }
 
 fn clock(field: &[u8], unit: f64) -> Option<Duration> {
