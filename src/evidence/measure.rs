@@ -1,9 +1,10 @@
 //! One setting measured: the bar goes its way, frames are timed, C is compared.
 //!
-//! A frame is all from the bar's pose to C: seeing it, update and solve, by wall clock. Spread is what frames differ by:
-//! near the electrodes more changes, and many frames need no step of an iteration.
+//! A frame is all from the bar's pose to C: seeing it, update and solve. Spread is what frames differ by: near the electrodes
+//! more changes, and many frames need no step of an iteration.
 
 use super::EvidenceError;
+use super::clock::{Clock, Took};
 use super::reference::Reference;
 use super::setting::{Method, Setting, Source};
 use super::stage::{COMPARED, Stage};
@@ -21,7 +22,6 @@ use capsense_core::solids::Solids;
 use capsense_core::solver::SolverOptions;
 use capsense_core::workspace::Change;
 use capsense_render::{Backend, DepthRenderer};
-use std::time::Instant;
 
 /// What stands for steel in the paper's method: its camera's red channel of 8 bits holds the permittivity. Filled to the grounded
 /// wall, the bar is nearly a grounded conductor.
@@ -30,25 +30,18 @@ pub const PERMITTIVITY_OF_STEEL: f64 = 80.0;
 /// Iterations after which the paper's method gives up.
 const MOST_ITERATIONS: usize = 200_000;
 
-/// What a frame took, in milliseconds.
-#[derive(Clone, Copy, Debug)]
-struct Took {
-    all: f64,
-    geometry: f64,
-}
-
 /// What all methods have in common.
 trait Frames {
     /// Computes the frame of a number, which the bar is in at a pose.
-    fn frame(&mut self, index: usize, pose: &Pose) -> Result<Took, EvidenceError>;
+    fn frame(&mut self, index: usize, pose: &Pose) -> Result<(), EvidenceError>;
     /// What the bar changes of C in that frame.
     fn change(&self) -> Change;
 }
 
 impl Frames for Pipeline {
-    fn frame(&mut self, index: usize, _: &Pose) -> Result<Took, EvidenceError> {
-        let took = Pipeline::frame(self, index)?.milliseconds;
-        Ok(Took { all: took.total, geometry: took.geometry })
+    fn frame(&mut self, index: usize, _: &Pose) -> Result<(), EvidenceError> {
+        Pipeline::frame(self, index)?;
+        Ok(())
     }
 
     fn change(&self) -> Change {
@@ -78,15 +71,11 @@ impl Paper {
 }
 
 impl Frames for Paper {
-    fn frame(&mut self, _: usize, pose: &Pose) -> Result<Took, EvidenceError> {
-        let started = Instant::now();
+    fn frame(&mut self, _: usize, pose: &Pose) -> Result<(), EvidenceError> {
         self.renderer.render(&[*pose], &mut self.depth)?;
         self.depth.back_fill();
-        let seen = Instant::now();
         let _ = self.method.step(&self.depth)?;
-        let milliseconds = |since: Instant| 1e3 * since.elapsed().as_secs_f64();
-        let all = milliseconds(started);
-        Ok(Took { all, geometry: all - milliseconds(seen) })
+        Ok(())
     }
 
     fn change(&self) -> Change {
@@ -127,12 +116,12 @@ fn run(
         Method::Paper => Box::new(Paper::new(stage, &sensor, setting.tolerance)?),
     };
     let mut results = Results::default();
-    let (started, ran) = (Instant::now(), thread_seconds());
     for (index, place) in places.iter().enumerate() {
         if stop() {
             return Ok(None);
         }
-        let took = method.frame(index, &place.pose)?;
+        let (took, done) = Took::measured(|| method.frame(index, &place.pose));
+        done?;
         if !place.is_jump {
             results.took.push(took);
         }
@@ -140,14 +129,8 @@ fn run(
             results.errors.push(reference.error(pose, &method.change())?);
         }
     }
-    let thread_ran = ran.zip(thread_seconds()).map(|(before, after)| after - before);
-    let thread_ran = thread_ran.filter(|_| setting.threads == 1);
-    let elapsed = started.elapsed().as_secs_f64();
-    Ok(Some(Row {
-        tets: Some(tets),
-        thread_ran: thread_ran.map(|seconds| rounded(seconds / elapsed, 2).min(1.0)),
-        ..results.into_row(Row::of(setting))
-    }))
+    let row = results.into_row(Row::of(setting), Clock::for_threads(setting.threads));
+    Ok(Some(Row { tets: Some(tets), ..row }))
 }
 
 /// Where the bar is in one frame.
@@ -200,13 +183,13 @@ struct Results {
 }
 
 impl Results {
-    fn into_row(self, row: Row) -> Row {
-        let sorted = |of: fn(&Took) -> f64| {
-            let mut all: Vec<f64> = self.took.iter().map(of).collect();
+    fn into_row(self, row: Row, clock: Clock) -> Row {
+        let sorted = |clock| {
+            let mut all: Vec<f64> = self.took.iter().map(|took| took.by(clock)).collect();
             all.sort_unstable_by(f64::total_cmp);
             all
         };
-        let (all, geometry) = (sorted(|took| took.all), sorted(|took| took.geometry));
+        let (all, wall) = (sorted(clock), sorted(Clock::Wall));
         let at = |sorted: &[f64], part: f64| {
             let value = sorted.get((part * sorted.len().saturating_sub(1) as f64).round() as usize);
             value.map(|value| rounded(*value, 5))
@@ -223,12 +206,13 @@ impl Results {
         let [rms_error_percent, max_error_percent] = percent(0);
         let [reference_rms_percent, reference_max_percent] = percent(1);
         Row {
+            clock: clock.name().to_owned(),
             frames: all.len(),
             median_ms: at(&all, 0.5),
             p10_ms: at(&all, 0.1),
             p90_ms: at(&all, 0.9),
             mean_ms: (!all.is_empty()).then(|| rounded(mean, 5)),
-            geometry_ms: at(&geometry, 0.5),
+            wall_median_ms: at(&wall, 0.5),
             poses,
             rms_error_percent,
             max_error_percent,
@@ -243,11 +227,4 @@ impl Results {
 fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
-}
-
-/// How long this thread has run, in seconds, where the system tells (Linux): to its clock's tick, so of long runs only.
-fn thread_seconds() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
-    Some(1e-9 * nanoseconds)
 }

@@ -31,7 +31,10 @@ pub struct Row {
     pub tets: Option<usize>,
     /// Frames that were timed; those to which the bar jumped are not among them.
     pub frames: usize,
-    /// Wall-clock time of a frame, from the bar's pose to C, in milliseconds: median.
+    /// What times are of: `thread`, the processor time of the thread that computes alone; `wall`, of several threads, or where the
+    /// system does not tell.
+    pub clock: String,
+    /// Time of a frame, from the bar's pose to C, in milliseconds: median.
     pub median_ms: Option<f64>,
     /// Its 10th percentile.
     pub p10_ms: Option<f64>,
@@ -39,11 +42,8 @@ pub struct Row {
     pub p90_ms: Option<f64>,
     /// Its mean.
     pub mean_ms: Option<f64>,
-    /// The median of what seeing the bar took of it.
-    pub geometry_ms: Option<f64>,
-    /// The part of the time of all frames in which the computing thread ran; less than one where it had to wait for a core.
-    /// Known on Linux only.
-    pub thread_ran: Option<f64>,
+    /// The median of wall-clock time, which is longer where other programs take the core.
+    pub wall_median_ms: Option<f64>,
     /// Poses in which ΔC was compared.
     pub poses: usize,
     /// Error of ΔC in percent of √(ΔC_ii ΔC_jj): root mean square over entries and poses.
