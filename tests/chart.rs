@@ -103,7 +103,7 @@ fn a_tiny_ladder_is_measured_compared_written_and_drawn() {
         "time of a frame [ms]",
         "error of ΔC [%]",
         "Pareto front",
-        "paper's method",
+        "s method, measured here",
         "published",
         "100 Hz",
         "10k",
