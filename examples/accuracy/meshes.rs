@@ -10,7 +10,7 @@ use capsense::core::sensor::{MeshKind, Sensor, SensorDesign};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
-use capsense::core::workspace::{Change, MeshRequest};
+use capsense::core::workspace::{Change, MeshRequest, WorkspaceError};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -119,7 +119,14 @@ impl Table {
         if !name.contains(&self.only) {
             return Ok(());
         }
-        let (sensor, note) = sensor()?;
+        let (sensor, note) = match sensor() {
+            Ok(made) => made,
+            Err(refused) if refused.is::<WorkspaceError>() => {
+                println!("| {name}: {refused} | | | | | | | |");
+                return Ok(());
+            }
+            Err(other) => return Err(other),
+        };
         let cells = match &self.exact {
             None => " | | | |".to_owned(),
             Some(exact) => {

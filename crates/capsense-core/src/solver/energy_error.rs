@@ -46,6 +46,11 @@ pub(super) const LARGE_CHANGE: f64 = 3e-2;
 const LONG: f64 = 1.5;
 const LEFT_AFTER_LONG: f64 = 10.0;
 
+/// A solve of more steps than these is one of slow convergence, in which directions that are known worse still show late. Then
+/// a smaller factor is enough.
+const USUAL_STEPS: usize = 5;
+const LONG_THEN: f64 = 1.2;
+
 /// A step that hardly drops less than the one before is taken to have so many more ahead.
 const SLOWEST: f64 = 0.95;
 
@@ -213,7 +218,8 @@ impl Experience {
     }
 
     fn is_long(&self, step: usize, last: &Step) -> bool {
-        last.length > LONG * self.lengths[step.min(KINDS_OF_STEPS - 1)]
+        let factor = if step < USUAL_STEPS { LONG } else { LONG_THEN };
+        last.length > factor * self.lengths[step.min(KINDS_OF_STEPS - 1)]
     }
 
     fn learn_lengths(&mut self, steps: &[Step], taken: &[usize]) {

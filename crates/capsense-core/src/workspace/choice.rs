@@ -53,12 +53,13 @@ pub enum WorkspaceError {
     /// Not even the finest mesh whose error can be estimated is exact enough.
     #[error(
         "no mesh of up to {tets} tetrahedra, as far as errors can be estimated, has an error of ΔC below {tolerance}: \
-         that of the finest is about {reached:.1e}"
+         the finest is expected to reach {reached:.1e}"
     )]
     OutOfReach {
         /// What was asked for.
         tolerance: f64,
-        /// About the error of the finest mesh of which it can be estimated.
+        /// About the error of the finest mesh of which it can be estimated: as errors fall from coarser ones, or what was
+        /// found of it at least, if that is more.
         reached: f64,
         /// How many tetrahedra that has.
         tets: usize,
@@ -118,7 +119,7 @@ impl MeshRequest {
         if self.probes.places.is_empty() {
             return Err(WorkspaceError::NoPlace);
         }
-        let mut search = Search { request: self, design, step: None };
+        let mut search = Search { request: self, design, step: None, last: 0.0 };
         let mut coarser = search.first()?;
         let mut reference = search.finer_than(&coarser, STEPS[1])?;
         loop {
@@ -131,19 +132,12 @@ impl MeshRequest {
                 return Ok(choice);
             }
             if is_finest || foreseen > HOPELESS {
-                return Err(self.out_of_reach(foreseen));
+                return Err(search.out_of_reach(foreseen));
             }
             let wanted = 1.25 * FINER * foreseen / reference.tets as f64;
             let finer = search.finer_than(&reference, wanted.clamp(STEPS[0], STEPS[1]))?;
             coarser = std::mem::replace(&mut reference, finer);
         }
-    }
-
-    /// Tells what the finest mesh would reach, from how many tetrahedra it takes.
-    fn out_of_reach(&self, foreseen: f64) -> WorkspaceError {
-        let tets = (FINEST as f64 / FINER) as usize;
-        let reached = self.tolerance * (tets as f64 / foreseen).powf(ORDER);
-        WorkspaceError::OutOfReach { tolerance: self.tolerance, reached, tets }
     }
 }
 
@@ -159,6 +153,8 @@ struct Search<'a> {
     design: &'a SensorDesign,
     /// The first size of the wanted mesh that has not been tried, as a power of [`TRIED_NEXT`].
     step: Option<i32>,
+    /// The error of the last mesh that was tried, as far as it was looked at: too large.
+    last: f64,
 }
 
 impl Search<'_> {
@@ -224,6 +220,15 @@ impl Search<'_> {
         Ok(rung.tets as f64 * (largest / self.request.tolerance).powf(-1.0 / ORDER))
     }
 
+    /// Tells what the finest mesh would reach, from how many tetrahedra it takes. Meshes of the finest size that were tried
+    /// tell it of other kinds than lattices.
+    fn out_of_reach(&self, foreseen: f64) -> WorkspaceError {
+        let tolerance = self.request.tolerance;
+        let tets = (FINEST as f64 / FINER) as usize;
+        let reached = (tolerance * (tets as f64 / foreseen).powf(ORDER)).max(self.last);
+        WorkspaceError::OutOfReach { tolerance, reached, tets }
+    }
+
     /// The smallest mesh that is exact enough, of those from which the reference is far enough. What was not before, with
     /// a coarser reference, is not tried again.
     fn smallest(&mut self, foreseen: f64, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
@@ -243,7 +248,11 @@ impl Search<'_> {
     }
 
     /// A mesh of at most so many tetrahedra, if it is exact enough; places are looked at until it is not.
-    fn exact_enough(&self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+    fn exact_enough(
+        &mut self,
+        allowed: usize,
+        reference: &Rung,
+    ) -> Result<Option<MeshChoice>, WorkspaceError> {
         let MeshRequest { tolerance, kind, probes, .. } = self.request;
         let sensor = match Sensor::generated(self.design, *kind, allowed) {
             // Too few for the electrodes.
@@ -256,6 +265,7 @@ impl Search<'_> {
         for (at, &place) in probes.places.iter().enumerate() {
             largest = largest.max(self.error(tets, &probed.change(place)?, reference, at)?);
             if largest >= *tolerance {
+                self.last = largest;
                 return Ok(None);
             }
         }
