@@ -4,7 +4,7 @@ use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::SensorError;
+use capsense_core::sensor::{Sensor, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
@@ -108,9 +108,16 @@ impl Pipeline {
     /// # Errors
     /// When the mesh cannot resolve the sensor, the objects cannot be drawn, or the solver fails.
     pub fn new(scene: &Scene) -> Result<Self, PipelineError> {
+        Self::with_sensor(scene, scene.build_sensor()?)
+    }
+
+    /// The same on another mesh than the scene asks for.
+    ///
+    /// # Errors
+    /// As [`Pipeline::new`].
+    pub fn with_sensor(scene: &Scene, sensor: Sensor) -> Result<Self, PipelineError> {
         let materials = scene.objects.iter().map(|object| object.material).collect();
-        let simulator =
-            Simulator::with_interface(scene.build_sensor()?, materials, scene.solver, scene.interface)?;
+        let simulator = Simulator::with_interface(sensor, materials, scene.solver, scene.interface)?;
         let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
         let eye = match &scene.geometry {
             Geometry::Camera => Eye::Camera(Box::new(Camera::new(scene.view, &shapes, scene.back_fill)?)),

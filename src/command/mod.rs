@@ -1,6 +1,7 @@
 //! The subcommands and what they share: arguments and exit codes.
 
 mod bars;
+mod chart;
 mod contacts;
 mod csv_table;
 mod curves;
@@ -38,6 +39,7 @@ enum Command {
     Run(run::RunArguments),
     Solve(solve::SolveArguments),
     Mesh(mesh::MeshArguments),
+    Chart(chart::ChartArguments),
     Ports(ports::PortsArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
@@ -52,6 +54,7 @@ impl Arguments {
             Command::Run(arguments) => run::run(&arguments),
             Command::Solve(arguments) => solve::solve(&arguments),
             Command::Mesh(arguments) => mesh::mesh(&arguments),
+            Command::Chart(arguments) => chart::chart(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
             Command::Record(arguments) => record::record(&arguments),
             Command::Replay(arguments) => replay::replay(&arguments),

@@ -29,6 +29,18 @@ impl Change {
         Self { size, farads }
     }
 
+    /// A change that was worked out elsewhere: the upper triangle row by row, in farads. None where these are not as many as
+    /// `size` electrodes have, or one is not finite.
+    pub fn from_farads(size: usize, farads: Vec<f64>) -> Option<Self> {
+        let fits = farads.len() == size * (size + 1) / 2 && farads.iter().all(|value| value.is_finite());
+        fits.then_some(Self { size, farads })
+    }
+
+    /// The upper triangle row by row, in farads.
+    pub fn farads(&self) -> &[f64] {
+        &self.farads
+    }
+
     /// By how much the change is off a reference of the same sensor; none where that is felt by no electrode.
     pub fn error(&self, reference: &Self) -> Option<ChangeError> {
         let felt: Vec<f64> = pairs(self.size)
