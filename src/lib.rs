@@ -31,6 +31,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod curve_table;
 pub mod error_bars;
 pub mod gmsh;
 pub mod motion;

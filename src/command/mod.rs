@@ -1,6 +1,7 @@
 //! The subcommands and what they share: arguments and exit codes.
 
 mod bars;
+mod compare;
 mod contacts;
 mod csv_table;
 mod curves;
@@ -20,6 +21,7 @@ mod run;
 mod solve;
 mod text;
 
+use capsense::curve_table::CurveTableError;
 use capsense::{PipelineError, Scene, SceneError};
 use clap::{Parser, Subcommand};
 use std::path::Path;
@@ -37,6 +39,7 @@ enum Command {
     Run(run::RunArguments),
     Solve(solve::SolveArguments),
     Mesh(mesh::MeshArguments),
+    Compare(compare::CompareArguments),
     Ports(ports::PortsArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
@@ -51,6 +54,7 @@ impl Arguments {
             Command::Run(arguments) => run::run(&arguments),
             Command::Solve(arguments) => solve::solve(&arguments),
             Command::Mesh(arguments) => mesh::mesh(&arguments),
+            Command::Compare(arguments) => compare::compare(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
             Command::Record(arguments) => record::record(&arguments),
             Command::Replay(arguments) => replay::replay(&arguments),
@@ -71,6 +75,7 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     let of_scene = |error: &PipelineError| matches!(error, PipelineError::Scene(_));
     let bad_input = error.chain().any(|cause| {
         cause.is::<SceneError>()
+            || cause.is::<CurveTableError>()
             || cause.is::<BadInput>()
             || cause.downcast_ref::<PipelineError>().is_some_and(of_scene)
     });
