@@ -1,16 +1,16 @@
-//! What a sensor measures of a body at any place in a plane: computed at the points of a grid, smooth in between.
+//! What a sensor measures of a body at any place on a surface: computed at the points of a grid, smooth in between.
 
 use capsense::Scene;
 use capsense::core::capacitance::CapacitanceMatrix;
-use capsense::core::geometry::{Pose, Shape};
-use capsense::core::glam::{DVec2, DVec3};
+use capsense::core::geometry::Pose;
+use capsense::core::glam::DVec2;
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 
-/// Capacitance matrices over a plane.
+/// Capacitance matrices over a surface with two coordinates.
 pub(crate) struct Map {
     origin: DVec2,
-    step: f64,
+    step: DVec2,
     size: [usize; 2],
     entries: Vec<(usize, usize)>,
     /// Of each point all entries in farads.
@@ -18,15 +18,14 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    /// Puts the scene's first object, in another shape if so asked, on every point of a grid at a height of its centre.
+    /// Puts the scene's only object at the places that `pose` has for the points of a grid.
     pub(crate) fn new(
         scene: &Scene,
-        shape: &Shape,
-        height: f64,
         (low, high): (DVec2, DVec2),
-        step: f64,
+        step: DVec2,
+        pose: impl Fn(DVec2) -> Pose,
     ) -> anyhow::Result<Self> {
-        let size = [(high.x - low.x) / step, (high.y - low.y) / step].map(|n| n.round() as usize + 1);
+        let size = ((high - low) / step).to_array().map(|n| n.round() as usize + 1);
         let electrodes = scene.electrodes.len();
         let entries: Vec<_> =
             (0..electrodes).flat_map(|row| (row..electrodes).map(move |column| (row, column))).collect();
@@ -36,14 +35,14 @@ impl Map {
             scene.solver,
             scene.interface,
         )?;
-        let mut solids = Solids::new(std::slice::from_ref(shape))?;
+        let mut solids = Solids::new(&[scene.objects[0].shape.clone()])?;
         let mut values = Vec::with_capacity(size[0] * size[1]);
         for point in 0..size[0] * size[1] {
             // There and back, so that each field begins at a neighbour's.
             let row = point / size[0];
             let column = if row % 2 == 0 { point % size[0] } else { size[0] - 1 - point % size[0] };
             let place = low + step * DVec2::new(column as f64, row as f64);
-            solids.place(&[Pose::at(DVec3::new(place.x, place.y, height))])?;
+            solids.place(&[pose(place)])?;
             let _ = simulator.step(&solids)?;
             values.push(listed(&entries, simulator.capacitance()));
         }
