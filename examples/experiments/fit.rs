@@ -1,205 +1,219 @@
-//! Section V-B.
+//! What is not published of section V-B, fitted to two measured curves of the stripe electrode: one set for both.
+//!
+//! A vertical rod passes three stripes of 100 mm; measured is the coupling of two neighbours. Scale is not to be had from curves
+//! without units, so the stripes' length is given; with it go width and gap of the stripes, radius and clearance of the
+//! rod, its way per sample, and the corners of both trajectories.
 
 use crate::map::Map;
 use crate::minimum::minimum;
-use anyhow::Context;
 use capsense::Scene;
 use capsense::core::geometry::Pose;
 use capsense::core::glam::{DVec2, DVec3};
-use capsense::series::pearson;
+use capsense::curve_table::{Clock, CurveTable};
+use capsense::series::{Curve, pearson};
 use clap::Args;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+/// Length of the stripes in metres.
+const LENGTH: f64 = 0.1;
+
+/// Length of the rod in metres: its far end is out of reach.
+const ROD: f64 = 0.15;
+
+/// The speed of both curves in metres per second.
+const SPEED: f64 = 0.116;
+
+/// Passes of the zig-zag.
+const PASSES: f64 = 10.0;
+
+/// Where the tip of the rod is in maps of the triangle's plane, which are even in the logarithm of its height.
+const TIP: (f64, f64) = (0.003, 0.14);
+
+/// Where searches begin: way per sample; first sample, samples a pass, pitch and centre of the zig-zag; first sample, left and
+/// right corner, and apex of the triangle above its base.
+const START: [f64; 11] = [0.0041, 2.3, 48.1, 0.0175, 0.0015, -0.0007, 26.8, -0.1, 0.086, -0.007, 0.0355];
+const STEPS: [f64; 11] = [0.0003, 0.5, 0.05, 0.001, 0.003, 0.003, 2.0, 0.01, 0.01, 0.005, 0.01];
+
+/// Fit what is not published of section V-B to the curves in a folder, one set for both
 #[derive(Debug, Args)]
 pub(crate) struct FitArguments {
+    /// Folder with fig9_stripe_triangular_measured.csv and fig9_stripe_zigzag_measured.csv
     folder: PathBuf,
-    #[arg(long, value_delimiter = ',')]
-    radius: Vec<f64>,
-    #[arg(long, value_delimiter = ',')]
-    clearance: Vec<f64>,
-    #[arg(long, default_value_t = 20000)]
-    elements: usize,
-    #[arg(long, default_value_t = 0.1)]
-    length: f64,
-    #[arg(long, value_delimiter = ',')]
+    /// Widths of a stripe to try, in metres
+    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005,0.006")]
     width: Vec<f64>,
-    #[arg(long, value_delimiter = ',')]
+    /// Gaps between stripes to try, in metres
+    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005")]
     gap: Vec<f64>,
+    /// Radii of the rod to try, in metres
+    #[arg(long, value_delimiter = ',', default_value = "0.005,0.0075")]
+    radius: Vec<f64>,
+    /// Heights of the rod's tip above the stripes to try, in metres
+    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005,0.006")]
+    clearance: Vec<f64>,
+    /// Elements of the mesh
+    #[arg(long, default_value_t = 30_000)]
+    elements: usize,
 }
 
-struct Measured {
-    samples: Vec<f64>,
-    values: Vec<f64>,
+/// What is the same for all trajectories.
+#[derive(Clone, Copy)]
+struct Setup {
+    width: f64,
+    gap: f64,
+    radius: f64,
+    clearance: f64,
 }
 
-fn read(path: &Path) -> anyhow::Result<Measured> {
-    let mut m = Measured { samples: vec![], values: vec![] };
-    for r in csv::Reader::from_path(path).with_context(|| path.display().to_string())?.records() {
-        let r = r?;
-        m.samples.push(r[0].parse()?);
-        m.values.push(r[1].parse()?);
-    }
-    Ok(m)
-}
-
-/// Place after a length along a polyline that repeats itself.
-fn along(points: &[DVec2], length: f64, closed: bool) -> DVec2 {
-    let n = points.len();
-    let legs = if closed { n } else { n - 1 };
-    let lens: Vec<f64> = (0..legs).map(|k| points[k].distance(points[(k + 1) % n])).collect();
-    let total: f64 = lens.iter().sum();
-    let mut s = if length <= 0.0 {
-        0.0
-    } else if closed {
-        length % total
-    } else {
-        length.min(total)
-    };
-    for k in 0..legs {
-        if s <= lens[k] || k + 1 == legs {
-            return points[k].lerp(points[(k + 1) % n], if lens[k] > 0.0 { s / lens[k] } else { 0.0 });
+impl Setup {
+    fn scene(self, elements: usize) -> anyhow::Result<Scene> {
+        let mut text = format!(
+            "domain = {{ min = [-0.3, -0.3, -0.05], max = [0.3, 0.3, 0.35] }}\n\
+             mesh.generate = {{ elements = {elements} }}\nsimulation.geometry = \"solids\"\n"
+        );
+        for stripe in [-1.0, 0.0, 1.0] {
+            let (y, width) = (stripe * (self.width + self.gap), self.width);
+            writeln!(
+                text,
+                "[[sensor.electrode]]\nname = \"{stripe}\"\n\
+                 rectangle = {{ center = [0.0, {y}], size = [{LENGTH}, {width}] }}"
+            )?;
         }
-        s -= lens[k];
+        let radius = self.radius;
+        writeln!(
+            text,
+            "[[object]]\nname = \"rod\"\ncylinder = {{ radius = {radius}, length = {ROD} }}\n\
+             material = {{ conductor = \"grounded\" }}\nposition = [0.0, 0.0, 0.2]"
+        )?;
+        Ok(Scene::parse("fit", &text, Path::new(""))?)
     }
-    points[0]
+
+    /// Middle of the gap between the first two stripes.
+    fn gap_y(self) -> f64 {
+        -0.5 * (self.width + self.gap)
+    }
 }
 
-fn score(map: &Map, entry: usize, m: &Measured, path: impl Fn(f64) -> DVec2) -> f64 {
-    let sim: Vec<f64> = m.samples.iter().map(|&s| map.at(entry, path(s))).collect();
-    pearson(&m.values, &sim.iter().map(|c| -c).collect::<Vec<_>>()).unwrap_or(0.0)
+/// The measured curves, and what couples the first two stripes with the rod anywhere.
+struct Problem {
+    triangular: Curve,
+    zigzag: Curve,
+    setup: Setup,
+    flat: Map,
+    upright: Map,
 }
 
-fn scene_text(a: &FitArguments, w: f64, g: f64, radius: f64) -> String {
-    let stripe = |n: usize| {
-        format!(
-            "[[sensor.electrode]]\nname = \"E{n}\"\nrectangle = {{ center = [0.0, {}], size = [{}, {w}] }}\n",
-            (n as f64 - 2.0) * (w + g),
-            a.length
-        )
+impl Problem {
+    fn new(arguments: &FitArguments, setup: Setup) -> anyhow::Result<Self> {
+        let read = |name: &str| -> anyhow::Result<Curve> {
+            let table = CurveTable::load(&arguments.folder.join(name))?;
+            Ok(table.curve("normalized_capacitance", Clock::Counts)?)
+        };
+        let scene = setup.scene(arguments.elements)?;
+        let place = |x: f64, y: f64, tip: f64| Pose::at(DVec3::new(x, y, tip + 0.5 * ROD));
+        let reach = DVec2::new(0.1, 0.12);
+        let steps = DVec2::new(0.005, 0.003);
+        let flat = Map::new(&scene, (-reach, reach), steps, |at| place(at.x, at.y, setup.clearance))?;
+        let (low, high) = (TIP.0.ln(), TIP.1.ln());
+        let corners = (DVec2::new(-0.13, low), DVec2::new(0.13, high));
+        let steps = DVec2::new(0.005, (high - low) / 20.0);
+        let upright = Map::new(&scene, corners, steps, |at| place(at.x, setup.gap_y(), at.y.exp()))?;
+        Ok(Self {
+            triangular: read("fig9_stripe_triangular_measured.csv")?,
+            zigzag: read("fig9_stripe_zigzag_measured.csv")?,
+            setup,
+            flat,
+            upright,
+        })
+    }
+
+    /// Pearson's r of the zig-zag and of the triangle.
+    fn scores(&self, p: &[f64]) -> [f64; 2] {
+        let zigzag = corners_of_zigzag(p, self.setup.gap_y());
+        let triangle = corners_of_triangle(p, self.setup.clearance);
+        let coupling = |map: &Map, at: DVec2| -map.at(map.entry(0, 1), at);
+        [
+            score(&self.zigzag, |sample| coupling(&self.flat, along(&zigzag, p[0] * (sample - p[1])))),
+            score(&self.triangular, |sample| {
+                let at = along(&triangle, p[0] * (sample - p[6]));
+                coupling(&self.upright, DVec2::new(at.x, at.y.max(TIP.0).ln()))
+            }),
+        ]
+    }
+}
+
+fn score(measured: &Curve, simulated: impl Fn(f64) -> f64) -> f64 {
+    let simulated: Vec<f64> = measured.times().iter().map(|sample| simulated(*sample)).collect();
+    pearson(&simulated, measured.values()).unwrap_or(-1.0)
+}
+
+/// Corners in x and y: passes across the stripes, each farther along them by a pitch.
+fn corners_of_zigzag(p: &[f64], gap_y: f64) -> Vec<DVec2> {
+    let (pitch, centre) = (p[3], DVec2::new(p[4], gap_y + p[5]));
+    let half = 0.5 * ((p[0] * p[2]).powi(2) - pitch * pitch).max(0.0).sqrt();
+    let corner = |k: i32| {
+        let side = if k % 2 == 0 { -half } else { half };
+        centre + DVec2::new(pitch * (f64::from(k) - 0.5 * PASSES), side)
     };
-    format!(
-        "domain = {{ min = [-0.3, -0.3, -0.05], max = [0.3, 0.3, 0.35] }}\nmesh.generate = {{ elements = {} }}\n{}{}{}[[object]]\nname = \"rod\"\ncylinder = {{ radius = {radius}, length = 0.15 }}\nmaterial = {{ conductor = \"grounded\" }}\nposition = [0.0, 0.0, 0.2]\n[simulation]\ngeometry = \"solids\"\n[solver]\ntolerance = 1e-4",
-        a.elements,
-        stripe(1),
-        stripe(2),
-        stripe(3)
-    )
+    (0..=PASSES as i32).map(corner).collect()
+}
+
+/// Corners in x and z, twice around and a little: up to the apex, down again, and back along the stripes.
+fn corners_of_triangle(p: &[f64], clearance: f64) -> Vec<DVec2> {
+    let corners = [(p[7], 0.0), (p[9], p[10].max(0.0)), (p[8], 0.0)];
+    corners.iter().cycle().take(10).map(|&(x, z)| DVec2::new(x, clearance + z)).collect()
+}
+
+/// The place after a length along a polyline.
+fn along(corners: &[DVec2], length: f64) -> DVec2 {
+    let mut left = length.max(0.0);
+    for pair in corners.windows(2) {
+        let leg = pair[0].distance(pair[1]);
+        if left < leg {
+            return pair[0].lerp(pair[1], left / leg);
+        }
+        left -= leg;
+    }
+    corners[corners.len() - 1]
 }
 
 pub(crate) fn fit(arguments: &FitArguments) -> anyhow::Result<()> {
-    let tri = read(&arguments.folder.join("fig9_stripe_triangular_measured.csv"))?;
-    let zig = read(&arguments.folder.join("fig9_stripe_zigzag_measured.csv"))?;
-    for &radius in &arguments.radius {
-        for &clearance in &arguments.clearance {
-            for &w in &arguments.width {
-                for &g in &arguments.gap {
-                    let scene = Scene::parse("fit", &scene_text(arguments, w, g, radius), Path::new("."))?;
-                    let reach = DVec2::new(0.14, 0.2);
-                    let flat = Map::new(&scene, (-reach, reach), DVec2::new(0.01, 0.005), |p| {
-                        Pose::at(DVec3::new(p.x, p.y, clearance + 0.075))
-                    })?;
-                    let zs = (0.004f64.ln(), 0.14f64.ln());
-                    for (a, b) in [(0, 1), (0, 2)] {
-                        let entry = flat.entry(a, b);
-                        let yc = if b == 1 { -0.5 * (w + g) } else { 0.0 };
-                        let upright = Map::new(
-                            &scene,
-                            (DVec2::new(-0.17, zs.0), DVec2::new(0.17, zs.1)),
-                            DVec2::new(0.0085, (zs.1 - zs.0) / 16.0),
-                            |p| Pose::at(DVec3::new(p.x, yc, p.y.exp() + 0.075)),
-                        )?;
-                        let zigzag = |p: &[f64]| {
-                            if p[2] > 0.04 {
-                                return 0.0;
-                            }
-                            score(&flat, entry, &zig, |s| {
-                                let u = ((s - p[1]) / 48.1).clamp(0.0, 10.0);
-                                let k = u.floor();
-                                let f = 2.0 * (u - k) - 1.0;
-                                let sweep =
-                                    p[4] + 0.5 * p[0] * 48.1 * f * if k as i64 % 2 == 0 { 1.0 } else { -1.0 };
-                                DVec2::new(p[3] + p[2] * (u - 5.0), yc + sweep)
-                            })
-                        };
-                        // step, t0, left, right, apex x, apex height
-                        let triangle = |p: &[f64]| {
-                            let low = clearance;
-                            if p[5] < 0.0 || p[5] > 0.3 {
-                                return 0.0;
-                            }
-                            let points =
-                                [DVec2::new(p[2], low), DVec2::new(p[4], low + p[5]), DVec2::new(p[3], low)];
-                            score(&upright, entry, &tri, |s| {
-                                let at = along(&points, p[0] * (s - p[1]), true);
-                                DVec2::new(at.x, at.y.max(0.004).ln())
-                            })
-                        };
-                        let show =
-                            |p: &[f64]| p.iter().map(|x| format!("{x:.4}")).collect::<Vec<_>>().join(" ");
-                        let z = [0.003, 0.004, 0.0055, 0.007]
-                            .map(|step| {
-                                minimum(
-                                    &[step, 3.0, 0.018, 0.0, 0.0],
-                                    &[0.0005, 0.5, 0.002, 0.003, 0.003],
-                                    |p| 1.0 - zigzag(p),
-                                )
-                            })
-                            .into_iter()
-                            .min_by(|a, b| a.1.total_cmp(&b.1))
-                            .context("none")?;
-                        let mut best = (vec![], 9.0);
-                        for step in [0.003, 0.004, 0.0055] {
-                            for sign in [1.0, -1.0] {
-                                for h in [0.3, 0.6, 1.0] {
-                                    let t = minimum(
-                                        &[
-                                            step,
-                                            25.0,
-                                            -22.0 * step * sign,
-                                            22.0 * step * sign,
-                                            0.0,
-                                            26.0 * step * h,
-                                        ],
-                                        &[0.0003, 3.0, 0.01, 0.01, 0.01, 0.01],
-                                        |p| 1.0 - triangle(p),
-                                    );
-                                    if t.1 < best.1 {
-                                        best = t;
-                                    }
-                                }
-                            }
-                        }
-                        let join = |p: &[f64]| {
-                            let mut t = vec![p[0]];
-                            t.extend(&p[5..]);
-                            2.0 - zigzag(&p[..5]) - triangle(&t)
-                        };
-                        let mut start = z.0.clone();
-                        start[0] = 0.5 * (start[0] + best.0[0]);
-                        start.extend(&best.0[1..]);
-                        let j = minimum(
-                            &start,
-                            &[0.0003, 0.5, 0.002, 0.003, 0.003, 3.0, 0.01, 0.01, 0.01, 0.01],
-                            join,
-                        );
-                        let mut t = vec![j.0[0]];
-                        t.extend(&j.0[5..]);
-                        println!(
-                            "r {radius} h {clearance} w {w} g {g} C{}{}: zig {:.4} [{}]  tri {:.4} [{}]  both {:.4} {:.4} [{}]",
-                            a + 1,
-                            b + 1,
-                            1.0 - z.1,
-                            show(&z.0),
-                            1.0 - best.1,
-                            show(&best.0),
-                            zigzag(&j.0[..5]),
-                            triangle(&t),
-                            show(&j.0)
-                        );
+    println!("width  gap    radius clearance  r zig-zag  triangular  mm per sample");
+    let mut best: Option<(f64, Setup, Vec<f64>)> = None;
+    for &width in &arguments.width {
+        for &gap in &arguments.gap {
+            for &radius in &arguments.radius {
+                for &clearance in &arguments.clearance {
+                    let setup = Setup { width, gap, radius, clearance };
+                    let problem = Problem::new(arguments, setup)?;
+                    let (found, missing) =
+                        minimum(&START, &STEPS, |p| problem.scores(p).iter().map(|r| 1.0 - r).sum());
+                    let [zigzag, triangular] = problem.scores(&found);
+                    let way = 1e3 * found[0];
+                    println!(
+                        "{width:.4} {gap:.4} {radius:.4} {clearance:.4}     {zigzag:.4}     {triangular:.4}      {way:.3}"
+                    );
+                    if best.as_ref().is_none_or(|(least, ..)| missing < *least) {
+                        best = Some((missing, setup, found));
                     }
                 }
             }
         }
     }
+    if let Some((_, setup, found)) = best {
+        tell(setup, &found);
+    }
     Ok(())
+}
+
+fn tell(setup: Setup, p: &[f64]) {
+    let Setup { width, gap, radius, clearance } = setup;
+    println!("\nBest: width {width} gap {gap} radius {radius} clearance {clearance} m");
+    println!("{:.2} samples per second at {SPEED} m/s", SPEED / p[0]);
+    let list = |corners: &[DVec2]| {
+        corners.iter().map(|c| format!("({:.4}, {:.4})", c.x, c.y)).collect::<Vec<_>>().join(" ")
+    };
+    println!("zig-zag from sample {:.2}, x and y: {}", p[1], list(&corners_of_zigzag(p, setup.gap_y())));
+    println!("triangle from sample {:.2}, x and z: {}", p[6], list(&corners_of_triangle(p, clearance)[..4]));
 }
