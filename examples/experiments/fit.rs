@@ -188,7 +188,7 @@ pub(crate) fn fit(arguments: &FitArguments) -> anyhow::Result<()> {
                     let setup = Setup { width, gap, radius, clearance };
                     let problem = Problem::new(arguments, setup)?;
                     let (found, missing) =
-                        minimum(&START, &STEPS, |p| problem.scores(p).iter().map(|r| 1.0 - r).sum());
+                        minimum(&START, &STEPS, 4000, |p| problem.scores(p).iter().map(|r| 1.0 - r).sum());
                     let [zigzag, triangular] = problem.scores(&found);
                     let way = 1e3 * found[0];
                     println!(

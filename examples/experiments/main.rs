@@ -3,11 +3,13 @@
 //!
 //! ```sh
 //! cargo run --release --example experiments -- fit FOLDER         # what is not published of section V-B, from two curves
+//! cargo run --release --example experiments -- recordings FOLDER  # a limb fitted to some runs, the others predicted
 //! ```
 
 mod fit;
 mod map;
 mod minimum;
+mod recordings;
 
 use clap::{Parser, Subcommand};
 
@@ -21,10 +23,12 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Fit(fit::FitArguments),
+    Recordings(recordings::RecordingsArguments),
 }
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().command {
         Command::Fit(arguments) => fit::fit(&arguments),
+        Command::Recordings(arguments) => recordings::recordings(&arguments),
     }
 }
