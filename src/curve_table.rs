@@ -185,6 +185,11 @@ impl CurveTable {
         &self.file
     }
 
+    /// Whether there is a column of this name.
+    pub fn has_column(&self, name: &str) -> bool {
+        self.names.iter().any(|known| known == name)
+    }
+
     /// Whether there is a column of times in seconds.
     pub fn has_seconds(&self) -> bool {
         self.seconds.is_some()

@@ -4,8 +4,6 @@
 //! Everything here is a pure function of numbers. A correlation that is not defined, because a curve does not move, is `None`,
 //! never NaN.
 
-use std::cmp::Ordering;
-
 /// Lags are searched on at most so many samples: the search costs a quarter of their square.
 const LAG_SAMPLES: usize = 2000;
 
@@ -37,8 +35,8 @@ pub enum SeriesError {
         /// Its time.
         time: f64,
     },
-    /// There is no time at which both curves are known.
-    #[error("one is known from {} to {}, the other from {} to {}: at no time both are", one.0, one.1, other.0, other.1)]
+    /// There are not two samples at times at which both curves are known.
+    #[error("one is known from {} to {}, the other from {} to {}: they have too little in common", one.0, one.1, other.0, other.1)]
     Apart {
         /// First and last time of one curve.
         one: (f64, f64),
@@ -136,27 +134,23 @@ impl Curve {
     }
 }
 
-/// Equally spaced times over all of the span in which both curves are known, nearly as far apart as the samples of the
-/// curve that has fewer: what is between the samples of one is not compared with noise of the other.
+/// The times of the samples of the curve that has fewer, as far as the other is known, too. So what is between the samples of
+/// one is not compared with noise of the other, and the sparser is not interpolated, which would blunt narrow peaks.
 ///
 /// # Errors
-/// When there is no such span.
+/// When there are not two such times.
 pub fn common_axis(one: &Curve, other: &Curve) -> Result<Vec<f64>, SeriesError> {
-    axis(one, other, usize::MAX)
+    let (sparse, dense) = by_density(one, other);
+    let (start, end) = dense.span();
+    let times: Vec<f64> = sparse.times.iter().copied().filter(|time| (start..=end).contains(time)).collect();
+    if times.len() < 2 {
+        return Err(SeriesError::Apart { one: one.span(), other: other.span() });
+    }
+    Ok(times)
 }
 
-fn axis(one: &Curve, other: &Curve, most: usize) -> Result<Vec<f64>, SeriesError> {
-    let (a, b) = (one.span(), other.span());
-    let (start, end) = (a.0.max(b.0), a.1.min(b.1));
-    if start >= end {
-        return Err(SeriesError::Apart { one: a, other: b });
-    }
-    let step = one.step().max(other.step()).min(end - start);
-    // Not more samples than both curves have together, should most of a curve's samples lie close to each other.
-    let most = most.min(one.times.len() + other.times.len());
-    let intervals = (((end - start) / step).round() as usize).clamp(1, most.max(2) - 1);
-    let time = |index: usize| start + (end - start) * (index as f64 / intervals as f64);
-    Ok((0..=intervals).map(time).collect())
+fn by_density<'a>(one: &'a Curve, other: &'a Curve) -> (&'a Curve, &'a Curve) {
+    if one.step() > other.step() { (one, other) } else { (other, one) }
 }
 
 /// Pearson's correlation coefficient; `None` where one of the two does not move, or their lengths differ.
@@ -206,28 +200,42 @@ pub struct Lag {
     pub pearson: f64,
 }
 
-/// The lag at which two curves are most alike, up to a quarter of their common span, to one step of the common axis or, on long
+/// The lag at which two curves are most alike, up to a quarter of their common span, to one step of the sparser curve or, on long
 /// curves, to a two-thousandth of the span. Curves that mirror each other are shifted until they do so best. Among equals
 /// the shortest. `None` where no correlation is defined.
 ///
 /// # Errors
 /// When at no time both curves are known.
 pub fn best_lag(first: &Curve, second: &Curve) -> Result<Option<Lag>, SeriesError> {
-    let times = axis(first, second, LAG_SAMPLES)?;
-    let (a, b) = (first.resampled(&times), second.resampled(&times));
-    let step = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-    let sign = pearson(&a, &b).unwrap_or(1.0).signum();
-    let most = (LONGEST_LAG * (times.len() - 1) as f64) as usize;
-    let shifted = |steps: usize, behind: bool| {
-        let rest = times.len() - steps;
-        let r = if behind { pearson(&a[..rest], &b[steps..]) } else { pearson(&a[steps..], &b[..rest]) };
-        let time = if behind { steps as f64 } else { -(steps as f64) } * step;
-        r.map(|pearson| Lag { time, pearson })
+    let times = common_axis(first, second)?;
+    let thin: Vec<f64> = times.iter().copied().step_by(times.len().div_ceil(LAG_SAMPLES)).collect();
+    let span = times[times.len() - 1] - times[0];
+    let step = (span / (thin.len() - 1).max(1) as f64).max(f64::MIN_POSITIVE);
+    let (sparse, dense) = by_density(first, second);
+    let (start, end) = dense.span();
+    // The sparser curve stands still; the other is moved.
+    let direction = if std::ptr::eq(sparse, second) { 1.0 } else { -1.0 };
+    let at_lag = |time: f64| {
+        let moved = |at: &f64| at - direction * time;
+        let both: Vec<f64> = thin.iter().copied().filter(|at| (start..=end).contains(&moved(at))).collect();
+        if (both.len() as f64) < (1.0 - LONGEST_LAG) * thin.len() as f64 {
+            return None;
+        }
+        let shifted: Vec<f64> = both.iter().map(|at| dense.at(moved(at))).collect();
+        pearson(&sparse.resampled(&both), &shifted).map(|pearson| Lag { time, pearson })
     };
-    let lags = (0..=most).flat_map(|steps| [true, false].map(|behind| shifted(steps, behind))).flatten();
-    // `max_by` keeps the last of equals.
-    let alike = |a: &Lag, b: &Lag| (sign * a.pearson).total_cmp(&(sign * b.pearson)).then(Ordering::Greater);
-    Ok(lags.max_by(alike).map(|lag| Lag { time: lag.time + 0.0, ..lag }))
+    let sign = at_lag(0.0).map_or(1.0, |lag| lag.pearson.signum());
+    let most = (LONGEST_LAG * span / step) as usize;
+    let lags =
+        (0..=most).flat_map(|steps| [1.0, -1.0].map(|side| at_lag(side * (steps as f64 * step)))).flatten();
+    let mut best: Option<Lag> = None;
+    for lag in lags {
+        // Rounding makes no better lag.
+        if best.is_none_or(|best| sign * lag.pearson > sign * best.pearson + 1e-12) {
+            best = Some(lag);
+        }
+    }
+    Ok(best)
 }
 
 /// A curve that rises evenly from 0 to 1 and falls back: what is known of a body that comes and goes, and of nothing else.
@@ -383,11 +391,10 @@ mod tests {
     #[test]
     fn the_common_axis_is_where_both_are_known_and_as_coarse_as_the_coarser() {
         let fine = wave(501, 0.01, 0.0);
-        let coarse = wave(41, 0.1, 0.0).retimed(1.0, 2.0).unwrap();
-        let axis = common_axis(&fine, &coarse).unwrap();
-        assert_eq!(axis.len(), 31, "2 s to 5 s by 0.1 s");
-        assert_relative_eq!(axis[0], 2.0);
-        assert_relative_eq!(axis[30], 5.0);
+        let coarse = wave(41, 0.1, 0.0).retimed(1.0, 2.003).unwrap();
+        for axis in [common_axis(&fine, &coarse), common_axis(&coarse, &fine)] {
+            assert_eq!(axis.unwrap(), coarse.times()[..30], "2.003 s to 4.903 s, as they are sampled");
+        }
         let apart = wave(11, 0.1, 0.0).retimed(1.0, 6.0).unwrap();
         assert!(matches!(common_axis(&fine, &apart), Err(SeriesError::Apart { .. })));
     }
@@ -417,6 +424,7 @@ mod tests {
         let dense = Comparison::new(&wave(30_000, 0.0001, 0.0), &measured).unwrap();
         assert_relative_eq!(sparse.pearson.unwrap(), dense.pearson.unwrap(), epsilon = 1e-3);
         assert_relative_eq!(dense.lag.unwrap().time, 0.05, epsilon = 1e-9);
+        assert_relative_eq!(dense.lag.unwrap().pearson, 1.0, epsilon = 1e-6);
         assert_eq!(dense.samples, 300);
     }
 }

@@ -76,6 +76,11 @@ fn tables_without_seconds_are_compared_by_count_or_stretched() {
     let counted = json(folder.path(), &column);
     assert_eq!(counted["time"], "samples");
     assert_eq!(counted["columns"][0]["samples"], 51, "frames 0 to 50");
+    let turned = json(folder.path(), &["simulated.csv", "counts.txt", "--columns", "-C_E1_E2_F=-1"]);
+    assert_eq!(turned["columns"][0]["pearson"], counted["columns"][0]["pearson"], "both turned over");
+    let turned = json(folder.path(), &["simulated.csv", "counts.txt", "--columns", "-C_E1_E2_F=1"]);
+    let [one, other] = [&turned, &counted].map(|all| all["columns"][0]["pearson"].as_f64().unwrap());
+    assert!((one + other).abs() < 1e-12 && other > 0.9, "{one} {other}");
     let stretched = json(folder.path(), &[&column[..], &["--stretch"]].concat());
     assert_eq!(stretched["time"], "whole");
     // Both fall evenly, over all of their samples.
@@ -112,7 +117,7 @@ fn what_cannot_be_compared_is_bad_input_with_file_line_and_column() {
     for (arguments, message) in [
         (&["simulated.csv", "none.csv"][..], "none.csv"),
         (&["simulated.csv", "bad.csv"], "bad.csv:4: column `C_E1_E1_F`: `high` is not a number"),
-        (&["simulated.csv", "late.csv"], "at no time both are"),
+        (&["simulated.csv", "late.csv"], "too little in common"),
         (&["simulated.csv", "counts.txt"], "--columns"),
         (
             &["simulated.csv", "timed.csv", "--columns", "C_E9_E9_F"],

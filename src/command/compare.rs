@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// separated by semicolons, tabs or blanks, with or without a header and a column of time.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  capsense compare results/capacitance.csv measured.csv\n  capsense compare results/capacitance.csv counts.txt --columns C_E1_E1_F=2,C_E2_E2_F=5 --rate 30"
+    after_help = "Examples:\n  capsense compare results/capacitance.csv measured.csv\n  capsense compare results/capacitance.csv counts.txt --columns C_E1_E1_F=2,-C_E1_E2_F=5 --rate 30"
 )]
 pub(super) struct CompareArguments {
     /// The simulated curves, such as capacitance.csv of `capsense run`
@@ -24,8 +24,9 @@ pub(super) struct CompareArguments {
     /// The measured curves
     measured: PathBuf,
     /// Columns to compare, each a name that is in both or SIMULATED=MEASURED; without a header the first column is 1.
-    /// Left out: all names that are in both, or the only curve of each
-    #[arg(long, value_delimiter = ',', value_name = "A,B")]
+    /// Left out: all names that are in both, or the only curve of each. A minus before a name turns a curve over: a mutual
+    /// capacitance is minus an entry of the Maxwell matrix
+    #[arg(long, value_delimiter = ',', value_name = "A,B", allow_hyphen_values = true)]
     columns: Vec<String>,
     /// Samples per second of a table that only counts them
     #[arg(long, value_name = "HZ", conflicts_with = "stretch")]
@@ -148,9 +149,16 @@ fn axis(
 
 fn curve(table: &CurveTable, name: &str, axis: Axis, rate: Option<f64>) -> anyhow::Result<Curve> {
     let clock = if axis == Axis::Samples { Clock::Counts } else { Clock::Seconds };
-    let curve = table.curve(name, clock)?;
-    let start = curve.span().0;
     let told = |error: SeriesError| BadInput(format!("{}: column `{name}`: {error}", table.file()));
+    let curve = match name.strip_prefix('-').filter(|_| !table.has_column(name)) {
+        None => table.curve(name, clock)?,
+        Some(name) => {
+            let upright = table.curve(name, clock)?;
+            let values = upright.values().iter().map(|value| -value).collect();
+            Curve::new(upright.times().to_vec(), values).map_err(told)?
+        }
+    };
+    let start = curve.span().0;
     match (axis, rate) {
         (Axis::Whole, _) => Ok(curve.retimed(1.0 / (curve.span().1 - start), 0.0).map_err(told)?),
         (Axis::Seconds, Some(rate)) if !table.has_seconds() => {
