@@ -16,7 +16,7 @@ from pathlib import Path
 # A vertical rod whose tip passes 3 mm above the electrodes. The gap between the first two electrodes is at y = 0.
 
 SPEEDS = (0.116, 0.0166)
-RATE = 27.8
+RATE = 27.76
 TIP = 3.0
 ROD_RADIUS, ROD_LENGTH = 5.0, 150.0
 LENGTH, WIDTH, GAP = 100.0, 5.0, 4.0
@@ -28,7 +28,7 @@ TRAJECTORIES = {
     "t1_along": ([(-104.0, 0.0, TIP), (104.0, 0.0, TIP)], 0.0),
     "t2_across": ([(0.0, -104.0, TIP), (0.0, 104.0, TIP)], 0.0),
     "t3_triangular": ([(-104.4, 0.0, 3.0), (-8.6, 0.0, 34.5), (88.2, 0.0, 3.0)] * 3, 27.19),
-    "t4_zigzag": ([(1.2 + 17.24 * (k - 5), -1.1 + (100.2 if k % 2 else -100.2), TIP) for k in range(11)], 2.23),
+    "t4_zigzag": ([(1.2 + 17.24 * (k - 5), -1.1 + (100.15 if k % 2 else -100.15), TIP) for k in range(11)], 2.23),
 }
 SAMPLES = {"t3_triangular": 251, "t4_zigzag": 481}
 
@@ -115,7 +115,7 @@ material = {{ conductor = "grounded" }}
 trajectory = {{ file = "{path}_{speed}.csv" }}
 
 [simulation]
-frame_rate = {RATE}                      # samples per second
+frame_rate = {RATE}                     # samples per second
 {ends}geometry = "solids"
 """
 

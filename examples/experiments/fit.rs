@@ -41,19 +41,19 @@ pub(crate) struct FitArguments {
     /// Folder with fig9_stripe_triangular_measured.csv and fig9_stripe_zigzag_measured.csv
     folder: PathBuf,
     /// Widths of a stripe to try, in metres
-    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005,0.006")]
+    #[arg(long, value_delimiter = ',', default_value = "0.005,0.008")]
     width: Vec<f64>,
     /// Gaps between stripes to try, in metres
-    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005")]
+    #[arg(long, value_delimiter = ',', default_value = "0.004")]
     gap: Vec<f64>,
     /// Radii of the rod to try, in metres
-    #[arg(long, value_delimiter = ',', default_value = "0.005,0.0075")]
+    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005,0.006")]
     radius: Vec<f64>,
     /// Heights of the rod's tip above the stripes to try, in metres
-    #[arg(long, value_delimiter = ',', default_value = "0.004,0.005,0.006")]
+    #[arg(long, value_delimiter = ',', default_value = "0.003,0.004")]
     clearance: Vec<f64>,
     /// Elements of the mesh
-    #[arg(long, default_value_t = 30_000)]
+    #[arg(long, default_value_t = 150_000)]
     elements: usize,
 }
 

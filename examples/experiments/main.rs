@@ -3,10 +3,12 @@
 //!
 //! ```sh
 //! cargo run --release --example experiments -- fit FOLDER         # what is not published of section V-B, from two curves
+//! cargo run --release --example experiments -- limbs              # a forearm and a leg past the plate of section V-C
 //! cargo run --release --example experiments -- recordings FOLDER  # a limb fitted to some runs, the others predicted
 //! ```
 
 mod fit;
+mod limbs;
 mod map;
 mod minimum;
 mod recordings;
@@ -23,12 +25,14 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Fit(fit::FitArguments),
+    Limbs(limbs::LimbsArguments),
     Recordings(recordings::RecordingsArguments),
 }
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().command {
         Command::Fit(arguments) => fit::fit(&arguments),
+        Command::Limbs(arguments) => limbs::limbs(&arguments),
         Command::Recordings(arguments) => recordings::recordings(&arguments),
     }
 }
