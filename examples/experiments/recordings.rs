@@ -37,6 +37,10 @@ const NEAREST: f64 = 0.004;
 /// Samples that curves are averaged over where it says so: counts jitter by some units.
 const SMOOTHING: usize = 15;
 
+/// What ties the limb to ground instead of a wire, as in a scene file.
+const COUPLINGS: [&str; 4] =
+    ["{ capacitance = 100e-12 }", "{ capacitance = 10e-12 }", "{ capacitance = 1e-12 }", "\"floating\""];
+
 /// Points at which the fit compares.
 const POINTS: usize = 31;
 
@@ -98,7 +102,7 @@ struct Grid {
 }
 
 impl Grid {
-    fn new(elements: usize) -> anyhow::Result<Self> {
+    fn new(elements: usize, coupling: &str) -> anyhow::Result<Self> {
         let mut text = format!(
             "domain = {{ min = [-0.25, -0.25, -0.25], max = [0.25, 0.25, 0.25], wall = \"open\" }}\n\
              mesh.generate = {{ elements = {elements} }}\nsimulation.geometry = \"solids\"\n"
@@ -111,8 +115,11 @@ impl Grid {
                 electrode + 1
             )?;
         }
-        text += "[[object]]\nname = \"limb\"\ncapsule = { radius = 0.04, length = 0.8 }\n\
-                 material = { conductor = \"grounded\" }\nposition = [0.0, 0.0, 0.1]\n";
+        writeln!(
+            text,
+            "[[object]]\nname = \"limb\"\ncapsule = {{ radius = 0.04, length = {LENGTH} }}\n\
+             material = {{ conductor = {coupling} }}\nposition = [0.0, 0.0, 0.1]"
+        )?;
         let scene = Scene::parse("grid", &text, Path::new(""))?;
         let materials = vec![scene.objects[0].material];
         let simulator =
@@ -197,7 +204,7 @@ pub(crate) fn recordings(arguments: &RecordingsArguments) -> anyhow::Result<()> 
     let fitted: Vec<usize> = arguments.fit.iter().map(|number| number.wrapping_sub(1)).collect();
     let fits = |number: &usize| *number < RUNS;
     anyhow::ensure!(!fitted.is_empty() && fitted.iter().all(fits), "--fit: runs are 1 to {RUNS}");
-    let mut grid = Grid::new(arguments.elements)?;
+    let mut grid = Grid::new(arguments.elements, "\"grounded\"")?;
     let parts = parts(POINTS);
     let wanted: Vec<Vec<Vec<f64>>> = motions.iter().map(|runs| means(runs, &fitted, &parts)).collect();
     let missing = |p: &[f64]| mismatch(&mut grid, p, &motions, fitted[0], &parts, &wanted);
@@ -211,6 +218,12 @@ pub(crate) fn recordings(arguments: &RecordingsArguments) -> anyhow::Result<()> 
         "positions begin and end at {:.3}, {:.3} and {:.3}, {:.3} of the counts\n",
         found[5], found[6], found[7], found[8]
     );
+    for coupling in COUPLINGS {
+        let mut grid = Grid::new(arguments.elements, coupling)?;
+        let missing = mismatch(&mut grid, &found, &motions, fitted[0], &parts, &wanted);
+        println!("the same limb, conductor = {coupling}: mean r {:.4}", 1.0 - missing);
+    }
+    println!();
     for (number, (name, runs)) in MOTIONS.iter().zip(&motions).enumerate() {
         let predicted: Vec<usize> = (0..RUNS).filter(|run| !fitted.contains(run)).collect();
         table(&mut grid, &found, (number, name), runs, &predicted)?;
