@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Generates the meshes of CapSense: objects/hand.glb, objects/forearm.stl and the electrodes electrodes/*.stl.
+"""Generates the meshes of CapSense: objects/hand.glb, objects/forearm.stl,
+objects/leg.stl and the electrodes electrodes/*.stl.
 
 A body is a smooth union of round cones (spheres of varying radius swept along a segment), given as a signed
 distance. Marching tetrahedra on a grid of Kuhn tetrahedra turns it into triangles; that surface is closed and
@@ -59,6 +60,13 @@ FOREARM = [
     ([(-0.010, -0.062, 0.001), (-0.014, -0.160, 0.005), (-0.013, -0.330, 0.016)], [0.0185, 0.0270, 0.0345]),
     ([(0.010, -0.062, 0.001), (0.014, -0.160, 0.005), (0.013, -0.330, 0.016)], [0.0185, 0.0270, 0.0345]),
 ]
+# Shin and the two heads of the calf, from the ankle at +y to the knee, where a plane cuts the leg; the calf is at -z.
+KNEE_Y = -0.18
+LEG = [
+    ([(0.000, 0.160, 0.008), (0.000, 0.000, 0.010), (0.000, -0.230, 0.006)], [0.0330, 0.0380, 0.0520]),
+    ([(0.012, 0.080, -0.012), (0.015, -0.060, -0.022), (0.014, -0.210, -0.012)], [0.0300, 0.0430, 0.0400]),
+    ([(-0.012, 0.080, -0.012), (-0.015, -0.050, -0.020), (-0.014, -0.210, -0.012)], [0.0300, 0.0410, 0.0400]),
+]
 
 
 def cone(bone):
@@ -108,6 +116,16 @@ def forearm_distance():
 
     def distance(x, y, z):
         return -smooth_min(-bones(x, y, z), y - ELBOW_Y, 0.010)
+
+    return distance
+
+
+def leg_distance():
+    """The lower leg, ended by a plane with a slightly rounded rim at the knee."""
+    bones = blend([chain(*bone) for bone in LEG], 0.025)
+
+    def distance(x, y, z):
+        return -smooth_min(-bones(x, y, z), y - KNEE_Y, 0.010)
 
     return distance
 
@@ -558,7 +576,13 @@ def main():
     hand = body("hand", hand_distance(), (-0.095, -0.315, -0.060), (0.070, 0.145, 0.060), 0.0035, 6000, (0.0, 0.0, 0.0))
     centre = (0.0, 0.5 * (WRIST_Y + ELBOW_Y), 0.0075)
     forearm = body("forearm", forearm_distance(), (-0.070, -0.315, -0.050), (0.070, -0.020, 0.070), 0.006, 2000, centre)
-    files = {"objects/hand.glb": glb("hand", *hand), "objects/forearm.stl": stl("forearm", *forearm), **electrodes()}
+    leg = body("leg", leg_distance(), (-0.090, -0.200, -0.100), (0.090, 0.220, 0.090), 0.008, 2000, (0.0, 0.0, 0.0))
+    files = {
+        "objects/hand.glb": glb("hand", *hand),
+        "objects/forearm.stl": stl("forearm", *forearm),
+        "objects/leg.stl": stl("leg", *leg),
+        **electrodes(),
+    }
     for path, data in files.items():
         target = out / path
         if len(data) > 300_000:

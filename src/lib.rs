@@ -31,6 +31,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod curve_table;
 pub mod error_bars;
 pub mod evidence;
 pub mod gmsh;
@@ -38,6 +39,7 @@ pub mod motion;
 pub mod pipeline;
 pub mod run_folder;
 pub mod scene;
+pub mod series;
 
 pub use capsense_core as core;
 pub use capsense_render as render;

@@ -319,6 +319,7 @@ fn every_help_ends_with_an_example() {
         &["recover", "--help"],
         &["export", "--help"],
         &["device", "--help"],
+        &["compare", "--help"],
     ] {
         let outcome = capsense(folder.path(), arguments);
         assert_eq!(outcome.code, Some(0), "{arguments:?}");

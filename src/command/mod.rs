@@ -2,6 +2,7 @@
 
 mod bars;
 mod chart;
+mod compare;
 mod contacts;
 mod csv_table;
 mod curves;
@@ -22,6 +23,7 @@ mod run;
 mod solve;
 mod text;
 
+use capsense::curve_table::CurveTableError;
 use capsense::{PipelineError, Scene, SceneError};
 use clap::{Parser, Subcommand};
 use std::path::Path;
@@ -40,6 +42,7 @@ enum Command {
     Solve(solve::SolveArguments),
     Mesh(mesh::MeshArguments),
     Chart(chart::ChartArguments),
+    Compare(compare::CompareArguments),
     Ports(ports::PortsArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
@@ -55,6 +58,7 @@ impl Arguments {
             Command::Solve(arguments) => solve::solve(&arguments),
             Command::Mesh(arguments) => mesh::mesh(&arguments),
             Command::Chart(arguments) => chart::chart(&arguments),
+            Command::Compare(arguments) => compare::compare(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
             Command::Record(arguments) => record::record(&arguments),
             Command::Replay(arguments) => replay::replay(&arguments),
@@ -75,6 +79,7 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     let of_scene = |error: &PipelineError| matches!(error, PipelineError::Scene(_));
     let bad_input = error.chain().any(|cause| {
         cause.is::<SceneError>()
+            || cause.is::<CurveTableError>()
             || cause.is::<BadInput>()
             || cause.downcast_ref::<PipelineError>().is_some_and(of_scene)
     });
