@@ -4,7 +4,7 @@ use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::SensorError;
+use capsense_core::sensor::{Sensor, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
@@ -108,9 +108,16 @@ impl Pipeline {
     /// # Errors
     /// When the mesh cannot resolve the sensor, the objects cannot be drawn, or the solver fails.
     pub fn new(scene: &Scene) -> Result<Self, PipelineError> {
+        Self::with_sensor(scene, scene.build_sensor()?)
+    }
+
+    /// The same on a sensor that the scene built before, as to choose a mesh for a tolerance takes long.
+    ///
+    /// # Errors
+    /// When the objects cannot be drawn, or the solver fails.
+    pub fn with_sensor(scene: &Scene, sensor: Sensor) -> Result<Self, PipelineError> {
         let materials = scene.objects.iter().map(|object| object.material).collect();
-        let simulator =
-            Simulator::with_interface(scene.build_sensor()?, materials, scene.solver, scene.interface)?;
+        let simulator = Simulator::with_interface(sensor, materials, scene.solver, scene.interface)?;
         let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
         let eye = match &scene.geometry {
             Geometry::Camera => Eye::Camera(Box::new(Camera::new(scene.view, &shapes, scene.back_fill)?)),
@@ -127,10 +134,23 @@ impl Pipeline {
     /// # Errors
     /// When the renderer or the solver fails.
     pub fn frame(&mut self, index: usize) -> Result<Frame, PipelineError> {
+        self.frame_holding(index, &[])
+    }
+
+    /// The same with some objects held where the scene does not have them: `held[k]` is the pose of object k in place of
+    /// that of its motion. Objects beyond the end of the list are not held.
+    ///
+    /// # Errors
+    /// As [`Pipeline::frame`], and when a pose is not valid.
+    pub fn frame_holding(&mut self, index: usize, held: &[Option<Pose>]) -> Result<Frame, PipelineError> {
         let time_s = index as f64 / self.frame_rate;
         let started = Instant::now();
         self.poses.clear();
-        self.poses.extend(self.objects.iter().map(|object| object.motion.pose_at(time_s)));
+        let held = held.iter().copied().chain(std::iter::repeat(None));
+        let pose_of = |(object, held): (&SceneObject, Option<Pose>)| {
+            held.unwrap_or_else(|| object.motion.pose_at(time_s))
+        };
+        self.poses.extend(self.objects.iter().zip(held).map(pose_of));
         match &mut self.eye {
             Eye::Camera(camera) => camera.look(&self.poses)?,
             Eye::Solids(solids) => solids.place(&self.poses)?,
@@ -178,6 +198,11 @@ impl Pipeline {
             Eye::Camera(camera) => Some(&camera.layers),
             Eye::Solids(_) => None,
         }
+    }
+
+    /// Where the objects stood in the last frame, in the order of the scene; empty before the first.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
     }
 
     /// What draws the objects; exact solids are not drawn.
