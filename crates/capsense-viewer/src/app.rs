@@ -2,6 +2,7 @@
 
 use crate::ViewerData;
 use crate::curves::Curves;
+use crate::palette::palette;
 use crate::wireframe::{self, MeshView, Orbit};
 use egui::{RichText, ScrollArea, Ui};
 use egui_plot::{AxisHints, HoverPosition, Line, Plot, PlotPoint};
@@ -181,7 +182,7 @@ impl RunView {
             let own =
                 |e: &crate::curves::Entry| e.row == e.column && curves.electrodes()[e.row] == group.name;
             if let Some(index) = curves.entries().iter().position(own) {
-                group.colour = wireframe::palette(index);
+                group.colour = palette(index);
             }
         }
         Self {
@@ -243,7 +244,7 @@ impl RunView {
             }
         });
         for (index, (entry, shown)) in self.curves.entries().iter().zip(&mut self.shown).enumerate() {
-            ui.checkbox(shown, RichText::new(&entry.label).color(wireframe::palette(index)));
+            ui.checkbox(shown, RichText::new(&entry.label).color(palette(index)));
         }
     }
 
@@ -284,7 +285,7 @@ impl RunView {
                     plot.line(
                         Line::new(entry.label.as_str(), self.points[index].as_slice())
                             .id(index)
-                            .color(wireframe::palette(index))
+                            .color(palette(index))
                             .width(1.8),
                     );
                 }

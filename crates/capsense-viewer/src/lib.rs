@@ -7,6 +7,8 @@
 
 pub mod app;
 pub mod curves;
+pub mod palette;
+pub mod scene3d;
 pub mod wireframe;
 
 use app::{Content, ViewerApp};

@@ -3,6 +3,7 @@
 //! Shown are the edges of the mesh's surface, and the edges between two nodes of one terminal, which draw the
 //! electrodes. The picture is a perspective projection with z upwards.
 
+use crate::palette::palette;
 use capsense_core::geometry::Aabb;
 use capsense_core::mesh::TetMesh;
 use egui::{Color32, Pos2, Rect, Response, Role, Sense, Shape, Stroke, Ui, Vec2};
@@ -373,27 +374,6 @@ pub fn show(ui: &mut Ui, mesh: &MeshView, orbit: &mut Orbit) -> Response {
         );
     }
     response
-}
-
-/// Colours that tell curves and terminals apart on dark and on light ground.
-pub fn palette(index: usize) -> Color32 {
-    const COLOURS: [Color32; 10] = [
-        Color32::from_rgb(0x4e, 0x9a, 0xdb),
-        Color32::from_rgb(0xf2, 0x8e, 0x2b),
-        Color32::from_rgb(0xe1, 0x57, 0x59),
-        Color32::from_rgb(0x3f, 0xb3, 0xa8),
-        Color32::from_rgb(0x59, 0xa1, 0x4f),
-        Color32::from_rgb(0xc9, 0xa2, 0x27),
-        Color32::from_rgb(0xb0, 0x7a, 0xa1),
-        Color32::from_rgb(0xff, 0x7f, 0xa0),
-        Color32::from_rgb(0x9c, 0x75, 0x5f),
-        Color32::from_rgb(0x9a, 0x9a, 0x9a),
-    ];
-    match COLOURS.get(index) {
-        Some(&colour) => colour,
-        // Steps of the golden ratio around the colour circle.
-        None => egui::ecolor::Hsva::new((index as f32 * 0.618_034).fract(), 0.7, 0.8, 1.0).into(),
-    }
 }
 
 #[cfg(test)]
