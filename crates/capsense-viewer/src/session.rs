@@ -12,7 +12,7 @@ use capsense::core::estimate::ErrorBars;
 use capsense::core::geometry::Pose;
 use capsense::run_folder::MeshSize;
 use capsense::scene::write::SceneDocument;
-use capsense::{Scene, SceneError};
+use capsense::Scene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -54,6 +54,13 @@ pub enum Severity {
     FrameError,
     /// Something that was asked for was not done.
     Error,
+}
+
+impl Severity {
+    /// Whether something was not done.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::FrameError | Self::Error)
+    }
 }
 
 /// A message to the user.
@@ -152,7 +159,7 @@ impl Session {
             message: None,
             asked: None,
         };
-        session.replace(document, path);
+        session.open_document(document, path);
         Ok(session)
     }
 
@@ -161,17 +168,8 @@ impl Session {
         self.begun.elapsed().as_secs_f64()
     }
 
-    /// Opens a scene file in place of this one.
-    ///
-    /// # Errors
-    /// When it is none; the message names file, line and key.
-    pub fn open_file(&mut self, path: &Path) -> Result<(), SceneError> {
-        let document = SceneDocument::load(path)?;
-        self.replace(document, Some(path.to_owned()));
-        Ok(())
-    }
-
-    fn replace(&mut self, document: SceneDocument, path: Option<PathBuf>) {
+    /// Opens another scene in place of this one, once the worker has read it without complaint.
+    pub fn open_document(&mut self, document: SceneDocument, path: Option<PathBuf>) {
         self.path = path;
         self.undo.clear();
         self.held.clear();
