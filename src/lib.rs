@@ -37,6 +37,7 @@ pub mod motion;
 pub mod pipeline;
 pub mod run_folder;
 pub mod scene;
+pub mod series;
 
 pub use capsense_core as core;
 pub use capsense_render as render;
