@@ -2,6 +2,7 @@
 
 use crate::panels::curves::CurvesPanel;
 use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
+use crate::panels::measurements::Measurements;
 use crate::panels::performance::Performance;
 use crate::panels::{matrix, objects, simulation, transport};
 use crate::preferences::{Preferences, Theme};
@@ -29,6 +30,10 @@ pub struct ViewerApp {
     pub preferences: Preferences,
     pub(crate) curves: CurvesPanel,
     pub(crate) dialog: Option<Dialog>,
+    /// Recordings, and a board that is connected.
+    pub measurements: Measurements,
+    /// A recording to be opened once its scene is there.
+    waiting_recording: Option<PathBuf>,
     scene3d: Scene3d,
     performance: Performance,
     shown_theme: Option<Theme>,
@@ -55,6 +60,8 @@ impl ViewerApp {
             preferences,
             curves: CurvesPanel::default(),
             dialog: None,
+            measurements: Measurements::default(),
+            waiting_recording: start.recording,
             scene3d: Scene3d::new(render_state),
             performance: Performance::default(),
             shown_theme: None,
@@ -78,6 +85,8 @@ impl ViewerApp {
             self.shown_theme = Some(self.preferences.theme);
         }
         self.session.update(between);
+        self.measurements.update(&self.session);
+        self.open_waiting_recording();
         self.dropped_files(ui.ctx());
         if self.dialog.is_none() {
             shortcuts::apply(ui.ctx(), self);
@@ -111,7 +120,10 @@ impl ViewerApp {
         if panels.curves {
             Panel::bottom("curves").frame(frame).resizable(true).default_size(290.0).size_range(150.0..=600.0).show(
                 ui,
-                |ui| self.curves.ui(ui, &self.session, &mut self.preferences.curves, &[]),
+                |ui| {
+                    let overlays = self.measurements.overlays(self.preferences.curves.axis);
+                    self.curves.ui(ui, &self.session, &mut self.preferences.curves, &overlays);
+                },
             );
         }
         Panel::bottom("transport").frame(frame.inner_margin(egui::Margin::symmetric(10, 5))).show(ui, |ui| {
@@ -132,6 +144,12 @@ impl ViewerApp {
             matrix::ui(ui, &mut self.session, curves, bars_at_rest);
         });
         section(ui, "Performance", |ui| self.performance.ui(ui, &self.session));
+        section(ui, "Recordings", |ui| {
+            if self.measurements.recordings_ui(ui, &self.session) {
+                self.ask_for_path(Purpose::OpenRecording);
+            }
+        });
+        section(ui, "Hardware", |ui| self.measurements.hardware_ui(ui, &self.session));
     }
 
     fn view(&mut self, ui: &mut Ui) {
@@ -233,7 +251,8 @@ impl ViewerApp {
 
     fn with_path(&mut self, ctx: &egui::Context, purpose: Purpose, path: &Path) -> Result<(), String> {
         match purpose {
-            Purpose::Open | Purpose::OpenRecording => return self.open(path),
+            Purpose::Open => return self.open(path),
+            Purpose::OpenRecording => return self.measurements.open(path, &self.session),
             Purpose::AddMesh => {
                 if !path.is_file() {
                     return Err(format!("{}: there is no such file", path.display()));
@@ -256,7 +275,20 @@ impl ViewerApp {
     pub(crate) fn open(&mut self, path: &Path) -> Result<(), String> {
         let start = Start::from_path(path)?;
         self.session.open_document(start.document, start.path);
+        self.waiting_recording = start.recording;
         Ok(())
+    }
+
+    /// The curves of a run are compared with its own scene, which must be there first.
+    fn open_waiting_recording(&mut self) {
+        if !self.session.is_open() {
+            return;
+        }
+        if let Some(path) = self.waiting_recording.take()
+            && let Err(message) = self.measurements.open(&path, &self.session)
+        {
+            self.session.message = Some(Message::error(message));
+        }
     }
 
     fn dropped_files(&mut self, ctx: &egui::Context) {
@@ -264,13 +296,16 @@ impl ViewerApp {
             ctx.input(|input| input.raw.dropped_files.iter().filter_map(|file| file.path.clone()).collect());
         for path in paths {
             let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-            match extension.as_deref() {
-                Some("glb" | "gltf" | "obj" | "stl") => objects::add_file(&mut self.session, &path),
-                _ => {
-                    if let Err(message) = self.open(&path) {
-                        self.session.message = Some(Message::error(message));
-                    }
+            let opened = match extension.as_deref() {
+                Some("glb" | "gltf" | "obj" | "stl") => {
+                    objects::add_file(&mut self.session, &path);
+                    Ok(())
                 }
+                Some("csv" | "mcap") => self.measurements.open(&path, &self.session),
+                _ => self.open(&path),
+            };
+            if let Err(message) = opened {
+                self.session.message = Some(Message::error(message));
             }
         }
     }

@@ -9,6 +9,8 @@ pub mod app;
 pub mod curves;
 pub mod export;
 pub mod history;
+pub mod live;
+pub mod measured;
 pub mod palette;
 pub mod panels;
 pub mod preferences;

@@ -386,6 +386,11 @@ impl Session {
         self.worker.activity()
     }
 
+    /// Whether the scene that was sent last is open.
+    pub fn is_open(&self) -> bool {
+        self.pending.is_none() && self.open.is_some()
+    }
+
     /// Whether all that was asked for is there.
     pub fn is_settled(&self) -> bool {
         self.pending.is_none() && self.worker.activity() == Activity::Idle && self.open.is_some()

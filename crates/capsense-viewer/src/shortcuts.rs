@@ -62,8 +62,7 @@ pub(crate) fn apply(ctx: &egui::Context, app: &mut ViewerApp) {
         app.session.selected = None;
     }
     if pressed(Modifiers::NONE, Key::P) {
-        let now = app.session.now_s();
-        app.curves.toggle_pause(now);
+        app.curves.toggle_pause();
     }
     if pressed(Modifiers::NONE, Key::A) {
         app.curves.fit();

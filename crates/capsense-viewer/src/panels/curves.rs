@@ -33,6 +33,8 @@ pub struct CurvesPanel {
     hidden: Vec<bool>,
     /// Where time stood when the axis was held.
     held_at: Option<f64>,
+    /// Time of the last sample of any curve.
+    latest_s: f64,
     /// Capacitances that changes are told from, in place of those without objects.
     tare: Option<Vec<f64>>,
     fit: bool,
@@ -47,13 +49,10 @@ impl CurvesPanel {
     }
 
     /// Holds the axis, or lets it follow time again.
-    pub fn toggle_pause(&mut self, now_s: f64) {
+    pub fn toggle_pause(&mut self) {
         self.held_at = match self.held_at {
-            Some(_) => {
-                self.fit = true;
-                None
-            }
-            None => Some(now_s),
+            Some(_) => None,
+            None => Some(self.latest_s),
         };
     }
 
@@ -115,7 +114,7 @@ impl CurvesPanel {
             if preferences.axis == TimeAxis::Session {
                 let text = if self.is_paused() { "▶ follow" } else { "⏸ hold" };
                 if ui.button(text).on_hover_text("hold the time axis (P)").clicked() {
-                    self.toggle_pause(session.now_s());
+                    self.toggle_pause();
                 }
                 let window = egui::DragValue::new(&mut preferences.window_s).range(1.0..=600.0).suffix(" s");
                 ui.add(window).on_hover_text("length of the time axis");
@@ -189,7 +188,10 @@ impl CurvesPanel {
     ) {
         let unit = if preferences.normalised { "" } else { preferences.unit.symbol() };
         let follows = preferences.axis == TimeAxis::Session;
-        let now = self.held_at.unwrap_or_else(|| session.now_s());
+        let ends = overlays.iter().filter_map(|overlay| overlay.points.last()).map(|point| point[0]);
+        let last = samples.last().map_or(0.0, |sample| sample.time_s);
+        self.latest_s = ends.fold(last, f64::max);
+        let now = self.held_at.unwrap_or(self.latest_s);
         let window = now - preferences.window_s..=now;
         let seen: Vec<&Sample> = match follows {
             true => samples.iter().copied().filter(|s| window.contains(&s.time_s)).collect(),

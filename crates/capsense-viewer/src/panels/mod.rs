@@ -3,6 +3,7 @@
 pub mod curves;
 pub mod dialogs;
 pub mod matrix;
+pub mod measurements;
 pub mod objects;
 pub mod performance;
 pub mod simulation;
