@@ -293,7 +293,7 @@ impl ViewerApp {
 
     fn dropped_files(&mut self, ctx: &egui::Context) {
         let paths: Vec<PathBuf> =
-            ctx.input(|input| input.raw.dropped_files.iter().filter_map(|file| file.path.clone()).collect());
+            ctx.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in paths {
             let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
             let opened = match extension.as_deref() {

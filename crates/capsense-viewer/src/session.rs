@@ -308,8 +308,10 @@ impl Session {
         // A newer change is on its way: what comes back is of no use any more.
         let Some(pending) = self.pending.take_if(|pending| pending.number == number) else { return };
         let Pending { document, can_undo, removed, .. } = pending;
-        for object in removed.into_iter().filter(|&object| object < self.held.len()) {
-            self.held.remove(object);
+        for object in removed {
+            if object < self.held.len() {
+                self.held.remove(object);
+            }
             self.selected = None;
         }
         if can_undo {

@@ -134,7 +134,7 @@ pub fn chip(ui: &mut Ui, on: &mut bool, colour: Color32, name: &str, value: &str
         response.mark_changed();
     }
     let label = format!("{name} {value}");
-    response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, *on, label.trim()));
+    response.widget_info(|| egui::WidgetInfo::selected(egui::Role::CheckBox, true, *on, label.trim()));
     let fill = if response.hovered() { ui.visuals().widgets.hovered.weak_bg_fill } else { ui.visuals().faint_bg_color };
     ui.painter().rect_filled(rect, CornerRadius::same(11), fill);
     let dot = rect.left_center() + Vec2::new(12.0, 0.0);

@@ -17,6 +17,7 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 const SIZE: [f32; 2] = [1200.0, 800.0];
 
@@ -31,9 +32,22 @@ fn press(harness: &mut Harness<'_, ViewerApp>, modifiers: Modifiers, key: Key) {
     harness.run_steps(2);
 }
 
+/// A file that is dropped on the window.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
 fn drop_file(harness: &mut Harness<'_, ViewerApp>, path: &Path) {
-    let file = egui::DroppedFile { path: Some(path.to_owned()), ..Default::default() };
-    harness.input_mut().dropped_files.push(file);
+    harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
     harness.run_steps(2);
 }
 

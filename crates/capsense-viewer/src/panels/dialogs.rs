@@ -129,11 +129,11 @@ pub const SHORTCUTS: [(&str, &[(&str, &str)]); 4] = [
 pub fn ui(ctx: &egui::Context, dialog: &mut Dialog) -> Outcome {
     match dialog {
         Dialog::Help => {
-            let modal = Modal::new(Id::new("help")).show(ctx, help);
+            let modal = Modal::new(Id::unique("help")).show(ctx, help);
             if modal.should_close() || modal.inner { Outcome::Closed } else { Outcome::Open }
         }
         Dialog::Path { purpose, text, error } => {
-            let modal = Modal::new(Id::new("path")).show(ctx, |ui| path(ui, *purpose, text, error.as_deref()));
+            let modal = Modal::new(Id::unique("path")).show(ctx, |ui| path(ui, *purpose, text, error.as_deref()));
             match modal.inner {
                 Some(true) => Outcome::Given(*purpose, PathBuf::from(text.trim())),
                 Some(false) => Outcome::Closed,

@@ -182,7 +182,7 @@ fn number(
     range: std::ops::RangeInclusive<f64>,
 ) -> Option<f64> {
     row(ui, label, |ui| {
-        let id = ui.id().with(label);
+        let id = ui.scope_id().with(label);
         let mut shown = ui.data(|data| data.get_temp::<f64>(id)).unwrap_or(value);
         let speed = (0.01 * value.abs()).max(1e-3);
         let response = ui.add(DragValue::new(&mut shown).speed(speed).max_decimals(4).range(range));

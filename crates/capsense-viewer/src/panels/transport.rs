@@ -18,7 +18,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
             }
             let (symbol, name) = if transport.is_playing { ("⏸", "Pause") } else { ("▶", "Play") };
             let button = ui.add(egui::Button::new(symbol).min_size(egui::vec2(34.0, 0.0)));
-            button.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name));
+            button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, name));
             if button.on_hover_text(format!("{name} (Space)")).clicked() {
                 transport.toggle();
             }
