@@ -1,5 +1,6 @@
 //! The window: menu, panels around the 3D view, shortcuts, files that are dropped.
 
+use crate::history::TimeAxis;
 use crate::panels::curves::CurvesPanel;
 use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
 use crate::panels::measurements::Measurements;
@@ -38,6 +39,7 @@ pub struct ViewerApp {
     performance: Performance,
     shown_theme: Option<Theme>,
     frame_began: Option<Instant>,
+    moves: u64,
     computed_frames: (usize, Instant),
 }
 
@@ -66,6 +68,7 @@ impl ViewerApp {
             performance: Performance::default(),
             shown_theme: None,
             frame_began: None,
+            moves: 0,
             computed_frames: (0, Instant::now()),
         })
     }
@@ -93,6 +96,7 @@ impl ViewerApp {
         }
         self.panels(ui);
         self.dialogs(ui.ctx());
+        self.follow_hand();
         self.keep_going(ui.ctx());
         // Time in which the window waits is no time of its frames.
         if between < Duration::from_millis(100) {
@@ -221,6 +225,11 @@ impl ViewerApp {
         }
     }
 
+    /// Whether an object is dragged in the 3D view.
+    pub(crate) fn is_dragging(&self) -> bool {
+        self.scene3d.is_dragging()
+    }
+
     /// Opens the dialog that asks for a path, beginning with a likely one.
     pub(crate) fn ask_for_path(&mut self, purpose: Purpose) {
         let scene = self.session.path.clone();
@@ -307,6 +316,14 @@ impl ViewerApp {
             if let Err(message) = opened {
                 self.session.message = Some(Message::error(message));
             }
+        }
+    }
+
+    /// What is moved by hand has no place on the time of the trajectories.
+    fn follow_hand(&mut self) {
+        if self.moves != self.session.moves {
+            self.moves = self.session.moves;
+            self.preferences.curves.axis = TimeAxis::Session;
         }
     }
 

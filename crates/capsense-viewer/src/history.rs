@@ -90,6 +90,11 @@ impl History {
         self.scene.insert(sample.frame, sample);
     }
 
+    /// Forgets the samples over the time of the scene: objects stand elsewhere now.
+    pub fn clear_scene(&mut self) {
+        self.scene.clear();
+    }
+
     /// Forgets all samples.
     pub fn clear(&mut self) {
         self.session.clear();

@@ -6,7 +6,6 @@
 #![forbid(unsafe_code)]
 
 pub mod app;
-pub mod curves;
 pub mod export;
 pub mod history;
 pub mod live;

@@ -114,6 +114,8 @@ pub struct Session {
     pub transport: Transport,
     /// Poses of objects that are held by hand.
     pub held: Vec<Option<Pose>>,
+    /// How often objects were moved by hand.
+    pub moves: u64,
     /// The object that is selected.
     pub selected: Option<usize>,
     /// Curves.
@@ -151,6 +153,7 @@ impl Session {
             open: None,
             transport: Transport::default(),
             held: Vec::new(),
+            moves: 0,
             selected: None,
             history: History::default(),
             last: None,
@@ -175,7 +178,8 @@ impl Session {
         self.held.clear();
         self.selected = None;
         self.is_changed = false;
-        self.transport = Transport { speed: self.transport.speed, ..Transport::default() };
+        self.transport.is_playing = false;
+        self.transport.seek(0);
         self.send(document, false, Vec::new());
     }
 
@@ -258,14 +262,19 @@ impl Session {
         if self.held.len() <= object {
             self.held.resize(object + 1, None);
         }
-        self.held[object] = Some(pose);
-        self.is_changed = true;
+        if self.held[object] != Some(pose) {
+            self.held[object] = Some(pose);
+            self.is_changed = true;
+            self.moves += 1;
+            self.history.clear_scene();
+        }
     }
 
     /// Lets an object follow its motion again.
     pub fn release(&mut self, object: usize) {
         if let Some(held) = self.held.get_mut(object) {
             *held = None;
+            self.history.clear_scene();
         }
     }
 

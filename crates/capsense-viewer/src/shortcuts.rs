@@ -58,7 +58,8 @@ pub(crate) fn apply(ctx: &egui::Context, app: &mut ViewerApp) {
     {
         app.session.remove_object(object);
     }
-    if pressed(Modifiers::NONE, Key::Escape) {
+    // Else Esc takes the drag back.
+    if !app.is_dragging() && pressed(Modifiers::NONE, Key::Escape) {
         app.session.selected = None;
     }
     if pressed(Modifiers::NONE, Key::P) {

@@ -7,7 +7,7 @@ use crate::worker::Activity;
 use egui::{Color32, RichText, Ui};
 
 /// What is being done, in words.
-pub fn doing(activity: Activity) -> &'static str {
+pub(crate) fn doing(activity: Activity) -> &'static str {
     match activity {
         Activity::Idle => "ready",
         Activity::Loading => "reading the scene and making its mesh …",
@@ -17,7 +17,7 @@ pub fn doing(activity: Activity) -> &'static str {
 }
 
 /// Draws the line.
-pub fn ui(ui: &mut Ui, session: &mut Session) {
+pub(crate) fn ui(ui: &mut Ui, session: &mut Session) {
     ui.horizontal(|ui| {
         let activity = session.activity();
         let colour = match activity {

@@ -119,7 +119,7 @@ impl CurvesPanel {
                 let window = egui::DragValue::new(&mut preferences.window_s).range(1.0..=600.0).suffix(" s");
                 ui.add(window).on_hover_text("length of the time axis");
             }
-            if ui.button("fit").on_hover_text("show all of the curves (F)").clicked() {
+            if ui.button("fit").on_hover_text("show all of the curves (A)").clicked() {
                 self.fit();
             }
             let is_tared = self.tare.is_some();

@@ -117,6 +117,7 @@ pub const SHORTCUTS: [(&str, &[(&str, &str)]); 4] = [
         "Window",
         &[
             ("1 2 3", "panels: scene, curves, data"),
+            ("F", "show all of the 3D view's scene"),
             ("A", "show all of the curves"),
             ("P", "hold the live time axis"),
             ("T", "dark, light"),
