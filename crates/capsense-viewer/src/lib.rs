@@ -8,6 +8,7 @@
 pub mod app;
 pub mod export;
 pub mod history;
+pub mod icons;
 pub mod live;
 pub mod measured;
 pub mod palette;

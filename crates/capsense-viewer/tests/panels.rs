@@ -186,7 +186,7 @@ fn the_transport_plays_and_steps() {
     let mut harness = panel([820.0, 34.0], Theme::Dark, session(), |ui, session| transport::ui(ui, session));
     harness.snapshot_options("transport", &options());
     let frame = harness.state().transport.frame();
-    harness.get_by_label("◀").click();
+    harness.get_by_label("One frame back").click();
     harness.run_steps(1);
     assert_eq!(harness.state().transport.frame(), frame - 1);
     harness.get_by_label("Play").click();

@@ -112,12 +112,18 @@ impl CurvesPanel {
                 .on_hover_text("each curve from its least value at 0 to its greatest at 1");
             ui.separator();
             if preferences.axis == TimeAxis::Session {
-                let text = if self.is_paused() { "▶ follow" } else { "⏸ hold" };
+                let text = if self.is_paused() { "follow" } else { "hold" };
                 if ui.button(text).on_hover_text("hold the time axis (P)").clicked() {
                     self.toggle_pause();
                 }
                 let window = egui::DragValue::new(&mut preferences.window_s).range(1.0..=600.0).suffix(" s");
                 ui.add(window).on_hover_text("length of the time axis");
+            }
+            if ui.button("all").on_hover_text("every entry").clicked() {
+                self.hidden.fill(false);
+            }
+            if ui.button("none").on_hover_text("no entry").clicked() {
+                self.hidden.fill(true);
             }
             if ui.button("fit").on_hover_text("show all of the curves (A)").clicked() {
                 self.fit();
@@ -158,12 +164,6 @@ impl CurvesPanel {
                 let mut on = !self.hidden[entry];
                 chip(ui, &mut on, palette(entry), &name, &value);
                 self.hidden[entry] = !on;
-            }
-            if ui.small_button("all").clicked() {
-                self.hidden.fill(false);
-            }
-            if ui.small_button("none").clicked() {
-                self.hidden.fill(true);
             }
             if let (Some(time), Some(_)) = (self.cursor, read) {
                 ui.label(RichText::new(format!("at {time:.3} s")).color(faint(ui)).monospace());

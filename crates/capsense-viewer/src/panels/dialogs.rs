@@ -88,7 +88,7 @@ pub const SHORTCUTS: [(&str, &[(&str, &str)]); 4] = [
         "Trajectory",
         &[
             ("Space", "play, pause"),
-            ("← →", "one frame back, on"),
+            ("left, right", "one frame back, on"),
             ("Home", "to the beginning"),
             ("R", "compute all frames"),
         ],
@@ -96,8 +96,8 @@ pub const SHORTCUTS: [(&str, &[(&str, &str)]); 4] = [
     (
         "Selected object",
         &[
-            ("Alt + ← → ↑ ↓", "move by 1 mm along x and y"),
-            ("Alt + PgUp PgDn", "move by 1 mm along z"),
+            ("Alt + arrows", "move by 1 mm along x and y"),
+            ("Alt + PgUp, PgDn", "move by 1 mm along z"),
             ("Shift as well", "ten times as far"),
             ("Delete", "remove it"),
             ("Esc", "select nothing"),
@@ -116,7 +116,7 @@ pub const SHORTCUTS: [(&str, &[(&str, &str)]); 4] = [
     (
         "Window",
         &[
-            ("1 2 3", "panels: scene, curves, data"),
+            ("1, 2, 3", "panels: scene, curves, data"),
             ("F", "show all of the 3D view's scene"),
             ("A", "show all of the curves"),
             ("P", "hold the live time axis"),

@@ -188,7 +188,7 @@ impl Measurements {
         let form = &mut self.form;
         row(ui, "port", |ui| {
             ui.add(TextEdit::singleline(&mut form.port).desired_width(110.0).hint_text("/dev/ttyACM0"));
-            ui.menu_button("⏷", |ui| {
+            ui.menu_button("…", |ui| {
                 if ui.button("look again").clicked() || form.ports.is_empty() {
                     let found = capsense_hw::list_ports().unwrap_or_default();
                     form.ports = found.into_iter().map(|port| port.name).collect();

@@ -46,9 +46,9 @@ fn shape_text(shape: &Shape) -> String {
     let mm = |length: f64| format!("{:.4}", length * 1e3).trim_end_matches('0').trim_end_matches('.').to_owned();
     match shape {
         Shape::Box { size } => format!("box {} × {} × {} mm", mm(size.x), mm(size.y), mm(size.z)),
-        Shape::Sphere { radius } => format!("sphere ⌀ {} mm", mm(2.0 * radius)),
-        Shape::Capsule { radius, length } => format!("capsule ⌀ {} × {} mm", mm(2.0 * radius), mm(*length)),
-        Shape::Cylinder { radius, length } => format!("cylinder ⌀ {} × {} mm", mm(2.0 * radius), mm(*length)),
+        Shape::Sphere { radius } => format!("sphere Ø {} mm", mm(2.0 * radius)),
+        Shape::Capsule { radius, length } => format!("capsule Ø {} × {} mm", mm(2.0 * radius), mm(*length)),
+        Shape::Cylinder { radius, length } => format!("cylinder Ø {} × {} mm", mm(2.0 * radius), mm(*length)),
         Shape::Mesh(mesh) => format!("mesh of {} triangles", mesh.triangles().len()),
     }
 }
@@ -57,7 +57,7 @@ fn selected(ui: &mut Ui, session: &mut Session, index: usize, object: &SceneObje
     pose_ui(ui, session, index, object, pose);
     material_ui(ui, session, index, object.material);
     ui.add_space(2.0);
-    if ui.button("🗑 remove").on_hover_text("leave the object out (Delete)").clicked() {
+    if ui.button("remove").on_hover_text("leave the object out (Delete)").clicked() {
         session.remove_object(index);
     }
 }

@@ -63,7 +63,7 @@ impl Performance {
         ui.add_space(4.0);
         let names = ["depth", "update", "solve", "draw"];
         egui::Grid::new("costs").num_columns(4).spacing([10.0, 3.0]).show(ui, |ui| {
-            for header in ["", "ms", "last", "median"] {
+            for header in ["", "in ms", "last", "median"] {
                 ui.label(RichText::new(header).color(faint(ui)).small());
             }
             ui.end_row();

@@ -1,5 +1,6 @@
 //! Play, pause, step, scrub.
 
+use crate::icons::{self, Icon};
 use crate::session::Session;
 use crate::style::faint;
 use egui::{RichText, Slider, Ui};
@@ -10,25 +11,32 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     ui.add_enabled_ui(frames > 1, |ui| {
         ui.horizontal(|ui| {
             let transport = &mut session.transport;
-            if ui.button("⏮").on_hover_text("to the beginning (Home)").clicked() {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            let press = |ui: &mut Ui, icon, name: &str, keys: &str| {
+                icons::button(ui, icon, name, false).on_hover_text(format!("{name} ({keys})")).clicked()
+            };
+            if press(ui, Icon::Start, "To the beginning", "Home") {
                 transport.seek(0);
             }
-            if ui.button("◀").on_hover_text("one frame back (←)").clicked() {
+            if press(ui, Icon::Back, "One frame back", "left arrow") {
                 transport.step(-1);
             }
-            let (symbol, name) = if transport.is_playing { ("⏸", "Pause") } else { ("▶", "Play") };
-            let button = ui.add(egui::Button::new(symbol).min_size(egui::vec2(34.0, 0.0)));
-            button.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, name));
-            if button.on_hover_text(format!("{name} (Space)")).clicked() {
+            let (icon, name) = if transport.is_playing { (Icon::Pause, "Pause") } else { (Icon::Play, "Play") };
+            if press(ui, icon, name, "Space") {
                 transport.toggle();
             }
-            if ui.button("▶|").on_hover_text("one frame on (→)").clicked() {
+            if press(ui, Icon::On, "One frame on", "right arrow") {
                 transport.step(1);
             }
-            ui.toggle_value(&mut transport.repeats, "🔁").on_hover_text("begin again at the end");
+            let repeat = icons::button(ui, Icon::Repeat, "Repeat", transport.repeats);
+            if repeat.on_hover_text("begin again at the end").clicked() {
+                transport.repeats = !transport.repeats;
+            }
+            ui.add_space(4.0);
             let speed = egui::DragValue::new(&mut transport.speed).range(0.01..=20.0).speed(0.01);
             ui.add(speed.prefix("× ").max_decimals(2)).on_hover_text("scene seconds per second");
-            if ui.button("⏩ all frames").on_hover_text("compute every frame of the scene (R)").clicked() {
+            ui.add_space(4.0);
+            if ui.button("all frames").on_hover_text("compute every frame of the scene (R)").clicked() {
                 session.run(0..frames);
             }
             let transport = &mut session.transport;
