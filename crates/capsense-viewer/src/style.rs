@@ -87,6 +87,12 @@ pub fn row<R>(ui: &mut Ui, label: &str, content: impl FnOnce(&mut Ui) -> R) -> R
     .inner
 }
 
+/// What a widget without a text of its own is called for those who cannot see what stands beside it.
+pub fn named(response: Response, name: &str) -> Response {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
+    response
+}
+
 /// Ink for what is less important.
 pub fn faint(ui: &Ui) -> Color32 {
     ui.visuals().weak_text_color()

@@ -112,7 +112,7 @@ fn a_scene_that_fails_leaves_the_last_good_one() {
     worker.load(1, text(SCENE));
     worker.compute(frames(1, 0..1));
     settle(&worker);
-    worker.load(2, text(&SCENE.replace("relative", "").replace("[0.1, 0.1, 0.02]", "[0.1, -0.1, 0.02]")));
+    worker.load(2, text(&SCENE.replace("[0.1, 0.1, 0.02]", "[0.1, -0.1, 0.02]")));
     let news = settle(&worker);
     let [News::Failed { scene: 2, message }] = &news[..] else { panic!("{news:?}") };
     assert!(message.contains("object[0].box.size[1]"), "{message}");

@@ -1,6 +1,6 @@
 //! Dialogs: a path to open or to write, and the list of shortcuts.
 
-use crate::style::{error_colour, faint};
+use crate::style::{error_colour, faint, named};
 use egui::{Id, Key, Modal, RichText, TextEdit, Ui};
 use std::path::{Path, PathBuf};
 
@@ -150,7 +150,7 @@ fn path(ui: &mut Ui, purpose: Purpose, text: &mut String, error: Option<&str>) -
     ui.heading(purpose.title());
     ui.add_space(6.0);
     let edit = TextEdit::singleline(text).desired_width(f32::INFINITY).hint_text("path");
-    let response = ui.add(edit);
+    let response = named(ui.add(edit), "path");
     if !response.has_focus() && !response.lost_focus() {
         response.request_focus();
     }

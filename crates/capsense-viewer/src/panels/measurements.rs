@@ -6,7 +6,7 @@ use crate::measured::{Channel, Measured};
 use crate::palette::palette;
 use crate::panels::curves::Overlay;
 use crate::session::Session;
-use crate::style::{chip, error_colour, faint, row};
+use crate::style::{chip, error_colour, faint, named, row};
 use capsense::series::Curve;
 use capsense_hw::profile::{DeviceProfile, built_in_names};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
@@ -157,7 +157,7 @@ impl Measurements {
             row(ui, "lag", |ui| {
                 ui.spacing_mut().slider_width = 90.0;
                 let slider = egui::Slider::new(&mut measured.lag_s, -span..=span).suffix(" s").max_decimals(3);
-                ui.add(slider).on_hover_text("added to the times of the recording");
+                named(ui.add(slider), "lag").on_hover_text("added to the times of the recording");
             });
             let lag_s = measured.lag_s;
             ui.push_id(index, |ui| channels(ui, &mut measured.channels, session, TimeAxis::Scene, lag_s));
@@ -187,7 +187,8 @@ impl Measurements {
     fn form(&mut self, ui: &mut Ui, session: &Session) {
         let form = &mut self.form;
         row(ui, "port", |ui| {
-            ui.add(TextEdit::singleline(&mut form.port).desired_width(110.0).hint_text("/dev/ttyACM0"));
+            let edit = TextEdit::singleline(&mut form.port).desired_width(110.0).hint_text("/dev/ttyACM0");
+            named(ui.add(edit), "port");
             ui.menu_button("…", |ui| {
                 if ui.button("look again").clicked() || form.ports.is_empty() {
                     let found = capsense_hw::list_ports().unwrap_or_default();
@@ -205,19 +206,21 @@ impl Measurements {
             });
         });
         row(ui, "board", |ui| {
-            ComboBox::from_id_salt("device").selected_text(&form.device).width(130.0).show_ui(ui, |ui| {
+            let list = ComboBox::from_id_salt("device").selected_text(form.device.clone()).width(130.0);
+            let list = list.show_ui(ui, |ui| {
                 for name in built_in_names() {
                     ui.selectable_value(&mut form.device, name.to_owned(), name);
                 }
             });
+            named(list.response, "board");
         });
         row(ui, "speed", |ui| {
-            ui.add(DragValue::new(&mut form.baud).range(300..=12_000_000).suffix(" baud"));
+            named(ui.add(DragValue::new(&mut form.baud).range(300..=12_000_000).suffix(" baud")), "speed");
         });
         row(ui, "record", |ui| {
-            ui.checkbox(&mut form.records, "");
+            named(ui.checkbox(&mut form.records, ""), "record");
             let edit = TextEdit::singleline(&mut form.recording).desired_width(120.0);
-            ui.add_enabled(form.records, edit);
+            named(ui.add_enabled(form.records, edit), "recording");
         });
         let is_given = !form.port.trim().is_empty();
         if ui.add_enabled(is_given, egui::Button::new("connect")).clicked() {
@@ -272,11 +275,13 @@ fn channels(ui: &mut Ui, channels: &mut [Channel], session: &Session, axis: Time
             ui.spacing_mut().item_spacing.x = 6.0;
             chip(ui, &mut channel.is_shown, palette(channel.entry), &channel.name, "");
             let shown = names.get(channel.entry).map_or("", String::as_str);
-            ComboBox::from_id_salt(("entry", index)).selected_text(shown).width(74.0).show_ui(ui, |ui| {
+            let list = ComboBox::from_id_salt(("entry", index)).selected_text(shown).width(74.0);
+            let list = list.show_ui(ui, |ui| {
                 for (entry, name) in names.iter().enumerate() {
                     ui.selectable_value(&mut channel.entry, entry, name);
                 }
             });
+            named(list.response, "compared with");
             let r = computed.as_ref().and_then(|computed| channel.pearson(computed, lag_s));
             let text = r.map_or_else(|| "r –".to_owned(), |r| format!("r {r:.4}"));
             ui.monospace(text).on_hover_text("Pearson's correlation with the computed curve");

@@ -2,7 +2,7 @@
 
 use crate::palette::material_colour;
 use crate::session::Session;
-use crate::style::{faint, row, segmented};
+use crate::style::{faint, named, row, segmented};
 use capsense::core::geometry::{Pose, Shape};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
 use capsense::scene::SceneObject;
@@ -69,7 +69,7 @@ fn pose_ui(ui: &mut Ui, session: &mut Session, index: usize, object: &SceneObjec
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let mut mm = pose.translation[axis] * 1e3;
             let value = DragValue::new(&mut mm).speed(0.2).max_decimals(3).range(-1e4..=1e4);
-            let response = ui.add(value).on_hover_text(format!("{name} in millimetres"));
+            let response = named(ui.add(value), name).on_hover_text(format!("{name} in millimetres"));
             if response.changed() {
                 pose.translation[axis] = mm * 1e-3;
                 is_changed = true;
@@ -86,7 +86,7 @@ fn pose_ui(ui: &mut Ui, session: &mut Session, index: usize, object: &SceneObjec
             // What is zero but for rounding reads as zero.
             *angle = (*angle * 1e6).round() * 1e-6 + 0.0;
             let value = DragValue::new(angle).speed(0.5).max_decimals(2).range(-360.0..=360.0);
-            turned |= ui.add(value).on_hover_text(format!("about {name} in degrees")).changed();
+            turned |= named(ui.add(value), name).on_hover_text(format!("about {name} in degrees")).changed();
         }
         if turned {
             let [x, y, z] = degrees.map(f64::to_radians);
@@ -185,7 +185,8 @@ fn number(
         let id = ui.scope_id().with(label);
         let mut shown = ui.data(|data| data.get_temp::<f64>(id)).unwrap_or(value);
         let speed = (0.01 * value.abs()).max(1e-3);
-        let response = ui.add(DragValue::new(&mut shown).speed(speed).max_decimals(4).range(range));
+        let drag = DragValue::new(&mut shown).speed(speed).max_decimals(4).range(range);
+        let response = named(ui.add(drag), label);
         ui.label(RichText::new(unit).color(faint(ui)));
         if response.drag_stopped() || response.lost_focus() {
             ui.data_mut(|data| data.remove::<f64>(id));

@@ -1,7 +1,7 @@
 //! How the scene is simulated: interface model, geometry, solver; and on what mesh.
 
 use crate::session::Session;
-use crate::style::{faint, row, segmented};
+use crate::style::{faint, named, row, segmented};
 use capsense::core::occupancy::Interface;
 use capsense::core::solver::Preconditioner;
 use capsense::scene::write::{GeometrySource, preconditioner_name};
@@ -23,11 +23,12 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     });
     row(ui, "interface", |ui| {
         let mut interface = scene.interface;
-        ComboBox::from_id_salt("interface").selected_text(interface.name()).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt("interface").selected_text(interface.name()).show_ui(ui, |ui| {
             for choice in [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction] {
                 ui.selectable_value(&mut interface, choice, choice.name());
             }
         });
+        named(list.response, "interface");
         if interface != scene.interface {
             session.edit(|document| document.set_interface(interface));
         }
@@ -35,11 +36,12 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     row(ui, "tolerance", |ui| {
         let mut tolerance = scene.solver.tolerance;
         let shown = format!("{tolerance:.0e}");
-        ComboBox::from_id_salt("tolerance").selected_text(shown).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt("tolerance").selected_text(shown).show_ui(ui, |ui| {
             for choice in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8] {
                 ui.selectable_value(&mut tolerance, choice, format!("{choice:.0e}"));
             }
         });
+        named(list.response, "tolerance");
         ui.label(RichText::new("of C").color(faint(ui)));
         if tolerance != scene.solver.tolerance {
             session.edit(|document| document.set_tolerance(tolerance));
@@ -47,7 +49,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     });
     row(ui, "preconditioner", |ui| {
         let mut chosen = scene.solver.preconditioner;
-        ComboBox::from_id_salt("preconditioner").selected_text(preconditioner_name(chosen)).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt("preconditioner").selected_text(preconditioner_name(chosen)).show_ui(ui, |ui| {
             for choice in [
                 Preconditioner::Multigrid,
                 Preconditioner::Ic0,
@@ -58,6 +60,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
                 ui.selectable_value(&mut chosen, choice, preconditioner_name(choice));
             }
         });
+        named(list.response, "preconditioner");
         if chosen != scene.solver.preconditioner {
             session.edit(|document| document.set_preconditioner(chosen));
         }
@@ -65,11 +68,12 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     row(ui, "threads", |ui| {
         let mut threads = scene.threads;
         let text = |threads: usize| if threads == 0 { "all cores".to_owned() } else { threads.to_string() };
-        ComboBox::from_id_salt("threads").selected_text(text(threads)).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt("threads").selected_text(text(threads)).show_ui(ui, |ui| {
             for choice in [0, 1, 2, 4, 8, 16] {
                 ui.selectable_value(&mut threads, choice, text(choice));
             }
         });
+        named(list.response, "threads");
         if threads != scene.threads {
             session.edit(|document| document.set_threads(threads));
         }

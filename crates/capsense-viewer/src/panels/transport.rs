@@ -2,7 +2,7 @@
 
 use crate::icons::{self, Icon};
 use crate::session::Session;
-use crate::style::faint;
+use crate::style::{faint, named};
 use egui::{RichText, Slider, Ui};
 
 /// Draws the bar; nothing where there is nothing to play.
@@ -53,7 +53,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
                 let mut frame = transport.frame();
                 ui.spacing_mut().slider_width = (ui.available_width() - 12.0).max(40.0);
                 let slider = Slider::new(&mut frame, 0..=frames - 1).show_value(false).trailing_fill(true);
-                if ui.add(slider).changed() {
+                if named(ui.add(slider), "frame").changed() {
                     transport.is_playing = false;
                     transport.seek(frame);
                 }
