@@ -98,10 +98,7 @@ impl ViewerApp {
         self.dialogs(ui.ctx());
         self.follow_hand();
         self.keep_going(ui.ctx());
-        // Time in which the window waits is no time of its frames.
-        if between < Duration::from_millis(100) {
-            self.performance.note(began.elapsed(), between);
-        }
+        self.performance.note(began, began.elapsed());
     }
 
     fn panels(&mut self, ui: &mut Ui) {

@@ -2,7 +2,7 @@
 
 use crate::panels::simulation::grouped;
 use crate::session::{Session, Severity};
-use crate::style::{error_colour, faint, warning_colour};
+use crate::style::{error_colour, faint, named, warning_colour};
 use crate::worker::Activity;
 use egui::{Color32, RichText, Ui};
 
@@ -62,7 +62,7 @@ fn message(ui: &mut Ui, session: &mut Session) {
         Severity::FrameError | Severity::Error => error_colour(ui),
     };
     let text = message.text.clone();
-    let is_dismissed = ui.small_button("×").on_hover_text("dismiss").clicked();
+    let is_dismissed = named(ui.small_button("×"), "dismiss").on_hover_text("dismiss").clicked();
     let label = egui::Label::new(RichText::new(&text).color(colour)).truncate();
     ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| ui.add(label).on_hover_text(text));
     if is_dismissed {

@@ -190,7 +190,7 @@ fn the_transport_plays_and_steps() {
     harness.run_steps(1);
     assert_eq!(harness.state().transport.frame(), frame - 1);
     harness.get_by_label("Play").click();
-    harness.run_steps(1);
+    harness.run_steps(2);
     assert!(harness.state().transport.is_playing);
     harness.get_by_label("Pause");
 }
@@ -201,7 +201,8 @@ fn times_are_stacked() {
     let mut computed = session.last.take().unwrap();
     session.history.clear();
     let mut performance = Performance::default();
-    for k in 0..100 {
+    let begun = Instant::now();
+    for k in 0..100u32 {
         let part = 0.2 + 0.1 * f64::from(k % 10);
         computed.frame.milliseconds =
             Milliseconds { geometry: 0.1, update: part, solve: 2.0 * part, total: 0.1 + 3.0 * part };
@@ -210,11 +211,11 @@ fn times_are_stacked() {
         computed.frame.solve.relative_error = 5e-5;
         computed.frame.solve.skipped = k % 4 == 0;
         session.history.push(&computed, f64::from(k));
-        performance.note(Duration::from_micros(1500), Duration::from_micros(16_667));
+        performance.note(begun + Duration::from_millis(20 * u64::from(k)), Duration::from_micros(1500));
     }
     let mut harness = panel([272.0, 330.0], Theme::Dark, session, move |ui, session| performance.ui(ui, session));
     harness.get_by_label("25 of the last 100");
-    harness.get_by_label("60 frames per second");
+    harness.get_by_label("51 frames in the last second");
     harness.snapshot_options("performance", &options());
 }
 
@@ -244,7 +245,11 @@ fn a_port_that_is_not_there_gives_a_message() {
         measurements.hardware_ui(ui, session);
     });
     harness.snapshot_options("hardware", &options());
-    harness.get_by_role(egui::accesskit::Role::TextInput);
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "port").type_text("/no/such/port");
+    harness.run_steps(2);
+    harness.get_by_label("connect").click();
+    harness.run_steps(2);
+    harness.get_by_label_contains("/no/such/port:");
 }
 
 #[test]

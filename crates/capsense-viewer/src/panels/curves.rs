@@ -7,7 +7,7 @@ use crate::quantity::{Quantity, Unit};
 use crate::session::Session;
 use crate::style::{self, chip, faint, segmented};
 use egui::{RichText, Ui};
-use egui_plot::{AxisHints, HoverPosition, Line, LineStyle, Plot, PlotBounds, PlotPoint, PlotUi, VLine};
+use egui_plot::{AxisHints, HoverPosition, Line, LineStyle, Plot, PlotBounds, PlotPoint, PlotUi, Points, VLine};
 
 /// A curve has no more points than this: more than a screen has columns.
 const MOST_POINTS: usize = 4000;
@@ -38,6 +38,8 @@ pub struct CurvesPanel {
     /// Capacitances that changes are told from, in place of those without objects.
     tare: Option<Vec<f64>>,
     fit: bool,
+    /// End of the trajectories that the axis was last made for.
+    shown_end: Option<f64>,
     /// Time under the pointer.
     cursor: Option<f64>,
 }
@@ -219,6 +221,8 @@ impl CurvesPanel {
         let fits = std::mem::take(&mut self.fit);
         let y_range = range(curves.iter().map(|(_, p)| p).chain(over.iter().map(|o| &o.points)));
         let cursor_line = (!follows && session.transport.frames() > 1).then(|| session.transport.time_s());
+        let scene_end = (!follows && session.transport.frames() > 1).then(|| session.transport.end_s());
+        let is_first = scene_end.is_some() && std::mem::replace(&mut self.shown_end, scene_end) != scene_end;
         let faint = faint(ui);
         let symbol = preferences.quantity.symbol();
         let y_label = match preferences.normalised {
@@ -246,10 +250,17 @@ impl CurvesPanel {
                 if follows && !is_held {
                     follow(plot, (*window.start(), *window.end()), y_range);
                 }
+                if let Some(end) = scene_end.filter(|_| fits || is_first) {
+                    plot.set_plot_bounds_x(0.0..=end);
+                }
                 if let Some(time) = cursor_line {
                     plot.vline(VLine::new("", time).color(faint).width(1.0).allow_hover(false));
                 }
                 for (entry, points) in curves {
+                    if points.len() < 3 {
+                        let dots = Points::new(names[entry].clone(), points.clone()).radius(3.0);
+                        plot.points(dots.id(("dots", entry)).color(palette(entry)));
+                    }
                     let line = Line::new(names[entry].clone(), points);
                     plot.line(line.id(entry).color(palette(entry)).width(1.8));
                 }

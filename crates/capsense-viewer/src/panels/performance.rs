@@ -5,7 +5,7 @@ use crate::session::Session;
 use crate::style::faint;
 use egui::{Align2, Color32, CornerRadius, FontId, RichText, Ui, Vec2, pos2};
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Frames that are shown.
 const SHOWN: usize = 120;
@@ -23,18 +23,20 @@ const COLOURS: [Color32; 4] = [
 pub struct Performance {
     /// Seconds that drawing took, the last of them last.
     drawing: VecDeque<f32>,
-    /// Seconds between the beginnings of frames.
-    between: VecDeque<f32>,
+    /// When frames of the last second began.
+    begun: VecDeque<Instant>,
 }
 
 impl Performance {
-    /// Takes how long a frame of the window took, and the time since the one before began.
-    pub fn note(&mut self, drawing: Duration, between: Duration) {
-        for (list, time) in [(&mut self.drawing, drawing), (&mut self.between, between)] {
-            if list.len() >= SHOWN {
-                list.pop_front();
-            }
-            list.push_back(time.as_secs_f32());
+    /// Takes a frame of the window: when it began, and how long it took.
+    pub fn note(&mut self, begun: Instant, drawing: Duration) {
+        if self.drawing.len() >= SHOWN {
+            self.drawing.pop_front();
+        }
+        self.drawing.push_back(drawing.as_secs_f32());
+        self.begun.push_back(begun);
+        while self.begun.front().is_some_and(|first| begun - *first > Duration::from_secs(1)) {
+            self.begun.pop_front();
         }
     }
 
@@ -43,10 +45,9 @@ impl Performance {
         f64::from(self.drawing.back().copied().unwrap_or(0.0)) * 1e3
     }
 
-    /// Frames of the window per second, where it is drawn again and again.
-    pub fn frames_per_second(&self) -> f64 {
-        let seconds: f32 = self.between.iter().sum();
-        if seconds > 0.0 { self.between.len() as f64 / f64::from(seconds) } else { 0.0 }
+    /// Frames of the window in the last second before its last frame.
+    pub fn frames_per_second(&self) -> usize {
+        self.begun.len()
     }
 
     /// Draws the panel.
@@ -83,7 +84,7 @@ impl Performance {
             ("changed edges", last.changed_edges.to_string()),
             ("skipped", format!("{skipped} of the last {}", seen.len())),
             ("superseded", format!("{} requests", session.superseded())),
-            ("window", format!("{:.0} frames per second", self.frames_per_second())),
+            ("window", format!("{} frames in the last second", self.frames_per_second())),
         ];
         for (name, text) in facts {
             crate::style::row(ui, name, |ui| ui.label(text));
@@ -155,12 +156,13 @@ mod tests {
     }
 
     #[test]
-    fn frames_per_second_are_of_the_frames_that_are_kept() {
+    fn frames_are_counted_over_a_second() {
         let mut performance = Performance::default();
-        for _ in 0..300 {
-            performance.note(Duration::from_millis(4), Duration::from_millis(20));
+        let begun = Instant::now();
+        for frame in 0..300 {
+            performance.note(begun + Duration::from_millis(20 * frame), Duration::from_millis(4));
         }
-        assert!((performance.frames_per_second() - 50.0).abs() < 0.01);
+        assert_eq!(performance.frames_per_second(), 51, "both ends of a second count");
         assert!((performance.drawing_ms() - 4.0).abs() < 1e-3);
     }
 }

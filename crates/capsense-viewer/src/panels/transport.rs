@@ -5,6 +5,12 @@ use crate::session::Session;
 use crate::style::{faint, named};
 use egui::{RichText, Slider, Ui};
 
+/// From this width on there is room for the number of the frame.
+const WIDE: f32 = 420.0;
+
+/// Below this width there is no slider.
+const NARROW: f32 = 60.0;
+
 /// Draws the bar; nothing where there is nothing to play.
 pub fn ui(ui: &mut Ui, session: &mut Session) {
     let frames = session.transport.frames();
@@ -40,18 +46,19 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
                 session.run(0..frames);
             }
             let transport = &mut session.transport;
-            let text = format!(
-                "{:>7.3} / {:.3} s   frame {} of {}",
-                transport.time_s(),
-                transport.end_s(),
-                transport.frame() + 1,
-                frames
-            );
+            let mut text = format!("{:>7.3} / {:.3} s", transport.time_s(), transport.end_s());
+            if ui.available_width() > WIDE {
+                text += &format!("   frame {} of {frames}", transport.frame());
+            }
             let ink = faint(ui);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.label(RichText::new(text).monospace().color(ink));
+                let width = ui.available_width() - 12.0;
+                if width < NARROW {
+                    return;
+                }
                 let mut frame = transport.frame();
-                ui.spacing_mut().slider_width = (ui.available_width() - 12.0).max(40.0);
+                ui.spacing_mut().slider_width = width;
                 let slider = Slider::new(&mut frame, 0..=frames - 1).show_value(false).trailing_fill(true);
                 if named(ui.add(slider), "frame").changed() {
                     transport.is_playing = false;
