@@ -237,6 +237,7 @@ fn blit_pipeline(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use eframe::wgpu::naga;
 
     fn entry_points(source: &str) -> Vec<String> {
         let module = naga::front::wgsl::parse_str(source).unwrap();

@@ -129,3 +129,112 @@ pub(super) fn quantile(values: &[f32], part: f64) -> f32 {
     let place = ((sorted.len() - 1) as f64 * part.clamp(0.0, 1.0)) as usize;
     *sorted.select_nth_unstable_by(place, f32::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use capsense::{Pipeline, Scene};
+    use std::path::Path;
+
+    fn scene() -> StaticScene {
+        let text = r#"
+            mesh.generate = { elements = 5000 }
+            [[sensor.electrode]]
+            name = "E1"
+            disk = { center = [0.0, 0.0], radius = 0.05 }
+            [[object]]
+            name = "ball"
+            sphere = { radius = 0.05 }
+            material = { conductor = "grounded" }
+            position = [0.0, 0.0, 0.12]
+        "#;
+        let scene = Scene::parse("scene.toml", text, Path::new(".")).unwrap();
+        StaticScene::new(&scene, Pipeline::new(&scene).unwrap().simulator())
+    }
+
+    /// Planes between those of the lattice, in one of them, and at the ends of the domain.
+    fn planes(scene: &StaticScene) -> Vec<Plane> {
+        let plane = |axis, position| Plane { axis, position };
+        let node = scene.nodes[scene.nodes.len() / 2];
+        let mut planes = vec![plane(0, 0.0123), plane(1, -0.077), plane(2, 0.2), plane(2, 0.0)];
+        planes.extend((0..3).map(|axis| plane(axis, node[axis])));
+        planes.push(plane(2, scene.domain.max.z));
+        planes
+    }
+
+    #[test]
+    fn a_slice_covers_the_plane_once() {
+        let scene = scene();
+        for plane in planes(&scene) {
+            let slice = Slice::new(&scene, plane);
+            let area = |[a, b, c]: &[DVec3; 3]| 0.5 * (*b - *a).cross(*c - *a).length();
+            let covered: f64 = slice.positions().as_chunks::<3>().0.iter().map(area).sum();
+            let size = scene.domain.size();
+            let whole = size[(plane.axis + 1) % 3] * size[(plane.axis + 2) % 3];
+            assert!((covered / whole - 1.0).abs() < 1e-6, "{plane:?}: {covered} {whole}");
+        }
+        let outside = Plane { axis: 0, position: 7.0 };
+        assert!(Slice::new(&scene, outside).positions().is_empty());
+    }
+
+    /// The interpolated potential at a point, from the barycentric coordinates in any element that holds it.
+    fn interpolated(scene: &StaticScene, of_nodes: &[f32], point: DVec3) -> f64 {
+        let mut best = (f64::NEG_INFINITY, 0.0);
+        for (element, tet) in scene.tets.iter().enumerate() {
+            let corners = scene.corners(element as u32);
+            let gradients = barycentric_gradients(corners);
+            let coordinates: [f64; 4] =
+                std::array::from_fn(|k| gradients[k].dot(point - corners[(k + 1) % 4]));
+            let least = coordinates.into_iter().fold(f64::INFINITY, f64::min);
+            if least > best.0 {
+                let value = (0..4).map(|k| coordinates[k] * f64::from(of_nodes[tet[k] as usize])).sum();
+                best = (least, value);
+            }
+        }
+        best.1
+    }
+
+    #[test]
+    fn values_are_those_of_the_interpolated_field() {
+        let scene = scene();
+        // Nothing that is linear, so that every element matters.
+        let wavy = |p: &DVec3| ((20.0 * p.x).sin() + (31.0 * p.y).cos() * (17.0 * p.z).sin()) as f32;
+        let of_nodes: Vec<f32> = scene.nodes.iter().map(wavy).collect();
+        for plane in planes(&scene) {
+            let slice = Slice::new(&scene, plane);
+            let values = slice.values(&of_nodes);
+            let triangles = slice.positions().as_chunks::<3>().0.iter().zip(values.as_chunks::<3>().0);
+            for (corners, values) in triangles.step_by(37) {
+                // Within each triangle, too, the colours are those of the element.
+                let weights = [0.2, 0.5, 0.3];
+                let point = (0..3).map(|k| weights[k] * corners[k]).sum::<DVec3>();
+                let value: f64 = (0..3).map(|k| weights[k] * f64::from(values[k])).sum();
+                let expected = interpolated(&scene, &of_nodes, point);
+                assert!((value - expected).abs() < 1e-5, "{plane:?} at {point}: {value} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_even_field_is_as_strong_everywhere_and_none_is_within_conductors() {
+        let scene = scene();
+        let slope = DVec3::new(30.0, -40.0, 120.0);
+        let potentials: Vec<f32> = scene.nodes.iter().map(|p| p.dot(slope) as f32).collect();
+        let slice = Slice::new(&scene, Plane { axis: 1, position: 0.01 });
+        let free = vec![NO_OBJECT; scene.nodes.len()];
+        let values = slice.values(&slice.field_at_nodes(&scene, &potentials, &free));
+        let worst = values.iter().map(|value| (value - 130.0).abs()).fold(0.0, f32::max);
+        assert!(worst < 0.02, "{worst}");
+        let held = vec![0; scene.nodes.len()];
+        let values = slice.values(&slice.field_at_nodes(&scene, &potentials, &held));
+        assert!(values.iter().all(|&value| value == 0.0));
+    }
+
+    #[test]
+    fn quantiles_leave_the_largest_out() {
+        let values: Vec<f32> = (0..=100).map(|k| k as f32).chain([f32::NAN]).collect();
+        assert_eq!(quantile(&values, 0.95), 95.0);
+        assert_eq!(quantile(&values, 7.0), 100.0);
+        assert_eq!(quantile(&[], 0.5), 0.0);
+    }
+}
