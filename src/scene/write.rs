@@ -95,8 +95,8 @@ impl SceneDocument {
     pub fn load(path: &Path) -> Result<Self, SceneError> {
         // What is no scene is refused here, with file, line and key.
         Scene::load(path)?;
-        let text =
-            std::fs::read_to_string(path).map_err(|error| SceneError::Read { path: path.to_owned(), error })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| SceneError::Read { path: path.to_owned(), error })?;
         Self::parse(&path.display().to_string(), &text, path.parent().unwrap_or(Path::new("")))
     }
 

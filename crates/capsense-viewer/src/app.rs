@@ -103,7 +103,9 @@ impl ViewerApp {
 
     fn panels(&mut self, ui: &mut Ui) {
         let frame = panel_frame(ui);
-        Panel::top("menu").frame(frame.inner_margin(egui::Margin::symmetric(8, 3))).show(ui, |ui| self.menu(ui));
+        Panel::top("menu")
+            .frame(frame.inner_margin(egui::Margin::symmetric(8, 3)))
+            .show(ui, |ui| self.menu(ui));
         Panel::bottom("status")
             .frame(frame.inner_margin(egui::Margin::symmetric(10, 4)))
             .show(ui, |ui| status::ui(ui, &mut self.session));
@@ -119,13 +121,15 @@ impl ViewerApp {
             });
         }
         if panels.curves {
-            Panel::bottom("curves").frame(frame).resizable(true).default_size(290.0).size_range(150.0..=600.0).show(
-                ui,
-                |ui| {
+            Panel::bottom("curves")
+                .frame(frame)
+                .resizable(true)
+                .default_size(290.0)
+                .size_range(150.0..=600.0)
+                .show(ui, |ui| {
                     let overlays = self.measurements.overlays(self.preferences.curves.axis);
                     self.curves.ui(ui, &self.session, &mut self.preferences.curves, &overlays);
-                },
-            );
+                });
         }
         Panel::bottom("transport").frame(frame.inner_margin(egui::Margin::symmetric(10, 5))).show(ui, |ui| {
             transport::ui(ui, &mut self.session);
@@ -161,7 +165,8 @@ impl ViewerApp {
         };
         let names = open.scene.objects.iter().map(|object| object.name.clone());
         let poses = session.poses();
-        let mut bodies: Vec<BodyPose> = names.zip(&poses).map(|(name, pose)| BodyPose::new(name, pose)).collect();
+        let mut bodies: Vec<BodyPose> =
+            names.zip(&poses).map(|(name, pose)| BodyPose::new(name, pose)).collect();
         let response = self.scene3d.show(ui, &view, &mut bodies, &mut session.selected);
         if response.moved {
             let moved = bodies.iter().map(BodyPose::pose).zip(poses).enumerate();
@@ -209,9 +214,11 @@ impl ViewerApp {
 
     fn view_menu(&mut self, ui: &mut Ui) {
         let panels = &mut self.preferences.panels;
-        for (open, text) in
-            [(&mut panels.scene, "Scene  (1)"), (&mut panels.curves, "Curves  (2)"), (&mut panels.data, "Data  (3)")]
-        {
+        for (open, text) in [
+            (&mut panels.scene, "Scene  (1)"),
+            (&mut panels.curves, "Curves  (2)"),
+            (&mut panels.data, "Data  (3)"),
+        ] {
             ui.checkbox(open, text);
         }
         ui.separator();
@@ -231,7 +238,8 @@ impl ViewerApp {
     pub(crate) fn ask_for_path(&mut self, purpose: Purpose) {
         let scene = self.session.path.clone();
         let folder = scene.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
-        let stem = scene.as_deref().and_then(Path::file_stem).map_or("capsense".into(), |s| s.to_string_lossy());
+        let stem =
+            scene.as_deref().and_then(Path::file_stem).map_or("capsense".into(), |s| s.to_string_lossy());
         let start = match purpose {
             Purpose::SaveScene => scene.clone().unwrap_or_else(|| PathBuf::from("scene.toml")),
             Purpose::ExportCsv => folder.join(format!("{stem}.csv")),
@@ -243,6 +251,8 @@ impl ViewerApp {
 
     fn dialogs(&mut self, ctx: &egui::Context) {
         let Some(mut dialog) = self.dialog.take() else { return };
+        // A dialog that closes still takes the pointer for one frame.
+        ctx.request_repaint();
         match dialogs::ui(ctx, &mut dialog) {
             Outcome::Open => self.dialog = Some(dialog),
             Outcome::Closed => {}

@@ -1,6 +1,9 @@
 //! Pictures as PNG files.
 
 use egui::ColorImage;
+use image::ImageEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 /// Why a picture cannot be written.
@@ -16,9 +19,12 @@ pub struct PngError {
 /// # Errors
 /// When the file cannot be written.
 pub fn write_png(path: &Path, pixels: &[u8], [width, height]: [u32; 2]) -> Result<(), PngError> {
-    let format = image::ImageFormat::Png;
-    image::save_buffer_with_format(path, pixels, width, height, image::ColorType::Rgba8, format)
-        .map_err(|error| PngError { path: path.to_owned(), error })
+    let failed = |error| PngError { path: path.to_owned(), error };
+    let file = std::fs::File::create(path).map_err(|error| failed(error.into()))?;
+    // Small files, as pictures of windows are mostly ground.
+    let encoder =
+        PngEncoder::new_with_quality(BufWriter::new(file), CompressionType::Best, FilterType::Adaptive);
+    encoder.write_image(pixels, width, height, image::ExtendedColorType::Rgba8).map_err(failed)
 }
 
 /// Writes the next frame of the window to a file. A failure is told on standard error, as the frame comes later.

@@ -159,9 +159,11 @@ impl Canvas {
                 renderer.update_texture(device, queue, id, &piece);
             }
         }
-        let screen = ScreenDescriptor { pixels_per_point: output.pixels_per_point, size_in_pixels: self.size };
+        let screen =
+            ScreenDescriptor { pixels_per_point: output.pixels_per_point, size_in_pixels: self.size };
         let triangles = self.ctx.tessellate(shapes, output.pixels_per_point);
-        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        let mut encoder =
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
         let before = renderer.update_buffers(device, queue, &mut encoder, &triangles, &screen);
         let texture = target(device, self.size, *target_format);
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -222,8 +224,7 @@ fn fetch(
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     });
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
     encoder.copy_texture_to_buffer(
         texture.as_image_copy(),
         wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },

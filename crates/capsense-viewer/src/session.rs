@@ -7,12 +7,12 @@ use crate::history::History;
 use crate::scene3d::Frame3d;
 use crate::transport::Transport;
 use crate::worker::{Activity, Computed, FrameRequest, LoadedScene, News, SceneText, Worker};
+use capsense::Scene;
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::core::estimate::ErrorBars;
 use capsense::core::geometry::Pose;
 use capsense::run_folder::MeshSize;
 use capsense::scene::write::SceneDocument;
-use capsense::Scene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -415,7 +415,9 @@ impl Session {
     /// The name of the scene, short.
     pub fn title(&self) -> String {
         match &self.path {
-            Some(path) => path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+            Some(path) => {
+                path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+            }
             None => "built-in scene".to_owned(),
         }
     }

@@ -15,9 +15,12 @@ pub(crate) fn apply(ctx: &egui::Context, app: &mut ViewerApp) {
         return;
     }
     let pressed = |modifiers: Modifiers, key: Key| ctx.input_mut(|input| input.consume_key(modifiers, key));
-    for (key, purpose) in
-        [(Key::O, Purpose::Open), (Key::S, Purpose::SaveScene), (Key::E, Purpose::ExportCsv), (Key::P, Purpose::ExportPng)]
-    {
+    for (key, purpose) in [
+        (Key::O, Purpose::Open),
+        (Key::S, Purpose::SaveScene),
+        (Key::E, Purpose::ExportCsv),
+        (Key::P, Purpose::ExportPng),
+    ] {
         if pressed(Modifiers::COMMAND, key) {
             app.ask_for_path(purpose);
         }

@@ -63,11 +63,14 @@ pub fn panel_frame(ui: &Ui) -> Frame {
 
 /// A section of a side panel, which can be folded.
 pub fn section(ui: &mut Ui, title: &str, content: impl FnOnce(&mut Ui)) {
-    egui::CollapsingHeader::new(RichText::new(title).strong()).id_salt(title).default_open(true).show(ui, |ui| {
-        ui.add_space(2.0);
-        content(ui);
-        ui.add_space(6.0);
-    });
+    egui::CollapsingHeader::new(RichText::new(title).strong()).id_salt(title).default_open(true).show(
+        ui,
+        |ui| {
+            ui.add_space(2.0);
+            content(ui);
+            ui.add_space(6.0);
+        },
+    );
 }
 
 /// A row of a form: a label of fixed width, then what it is about.
@@ -133,7 +136,8 @@ pub fn chip(ui: &mut Ui, on: &mut bool, colour: Color32, name: &str, value: &str
     let ink = if *on { ui.visuals().text_color() } else { faint(ui).gamma_multiply(0.7) };
     let name_text = ui.painter().layout_no_wrap(name.to_owned(), font, ink);
     let value_text = ui.painter().layout_no_wrap(value.to_owned(), mono, ink);
-    let width = 24.0 + name_text.size().x + if value.is_empty() { 0.0 } else { 8.0 + value_text.size().x } + 8.0;
+    let width =
+        24.0 + name_text.size().x + if value.is_empty() { 0.0 } else { 8.0 + value_text.size().x } + 8.0;
     let (rect, mut response) = ui.allocate_exact_size(Vec2::new(width, 22.0), egui::Sense::click());
     if response.clicked() {
         *on = !*on;
@@ -141,7 +145,11 @@ pub fn chip(ui: &mut Ui, on: &mut bool, colour: Color32, name: &str, value: &str
     }
     let label = format!("{name} {value}");
     response.widget_info(|| egui::WidgetInfo::selected(egui::Role::CheckBox, true, *on, label.trim()));
-    let fill = if response.hovered() { ui.visuals().widgets.hovered.weak_bg_fill } else { ui.visuals().faint_bg_color };
+    let fill = if response.hovered() {
+        ui.visuals().widgets.hovered.weak_bg_fill
+    } else {
+        ui.visuals().faint_bg_color
+    };
     ui.painter().rect_filled(rect, CornerRadius::same(11), fill);
     let dot = rect.left_center() + Vec2::new(12.0, 0.0);
     if *on {

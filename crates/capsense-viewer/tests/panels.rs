@@ -106,12 +106,14 @@ fn curves_show_every_entry_and_its_value() {
 fn curves_on_light_ground_lie_under_measured_ones() {
     let session = session();
     let samples = session.history.samples(TimeAxis::Scene);
-    let points = samples.iter().map(|s| [s.time_s + 0.1, 1.1 * s.farads[0] - 0.1 * session.history.base()[0]]);
+    let points =
+        samples.iter().map(|s| [s.time_s + 0.1, 1.1 * s.farads[0] - 0.1 * session.history.base()[0]]);
     let overlay = Overlay { name: "run".to_owned(), entry: 0, points: points.collect() };
     let state = (session, CurvesPanel::default(), CurvePreferences::default());
-    let mut harness = panel([820.0, 300.0], Theme::Light, state, move |ui, (session, curves, preferences)| {
-        curves.ui(ui, session, preferences, std::slice::from_ref(&overlay));
-    });
+    let mut harness =
+        panel([820.0, 300.0], Theme::Light, state, move |ui, (session, curves, preferences)| {
+            curves.ui(ui, session, preferences, std::slice::from_ref(&overlay));
+        });
     harness.snapshot_options("curves_measured", &options());
 }
 
@@ -122,7 +124,8 @@ fn the_matrix_has_numbers_and_error_bars() {
     settle(&mut session);
     assert!(matches!(session.bars, Bars::Known(_)));
     let state = (session, CurvePreferences::default(), false);
-    let draw = |ui: &mut egui::Ui, (session, preferences, at_rest): &mut (Session, CurvePreferences, bool)| {
+    let draw = |ui: &mut egui::Ui,
+                (session, preferences, at_rest): &mut (Session, CurvePreferences, bool)| {
         matrix::ui(ui, session, preferences, at_rest);
     };
     let mut harness = panel([272.0, 210.0], Theme::Dark, state, draw);
@@ -172,7 +175,8 @@ fn what_is_removed_takes_its_pose_along() {
 
 #[test]
 fn settings_of_the_simulation_are_those_of_the_scene() {
-    let mut harness = panel([272.0, 240.0], Theme::Dark, session(), |ui, session| simulation::ui(ui, session));
+    let mut harness =
+        panel([272.0, 240.0], Theme::Dark, session(), |ui, session| simulation::ui(ui, session));
     harness.snapshot_options("simulation", &options());
     harness.get_by_label("solids").click();
     harness.run_steps(1);
@@ -213,7 +217,8 @@ fn times_are_stacked() {
         session.history.push(&computed, f64::from(k));
         performance.note(begun + Duration::from_millis(20 * u64::from(k)), Duration::from_micros(1500));
     }
-    let mut harness = panel([272.0, 330.0], Theme::Dark, session, move |ui, session| performance.ui(ui, session));
+    let mut harness =
+        panel([272.0, 330.0], Theme::Dark, session, move |ui, session| performance.ui(ui, session));
     harness.get_by_label("25 of the last 100");
     harness.get_by_label("51 frames in the last second");
     harness.snapshot_options("performance", &options());
@@ -230,9 +235,10 @@ fn a_recording_is_compared_with_the_curve_of_its_entry() {
     assert!(measurements.open(Path::new("no/such.csv"), &session).unwrap_err().contains("such.csv"));
     assert_eq!(measurements.overlays(TimeAxis::Scene).len(), 3);
     assert!(measurements.overlays(TimeAxis::Session).is_empty());
-    let mut harness = panel([300.0, 260.0], Theme::Dark, (session, measurements), |ui, (session, measurements)| {
-        measurements.recordings_ui(ui, session);
-    });
+    let mut harness =
+        panel([300.0, 260.0], Theme::Dark, (session, measurements), |ui, (session, measurements)| {
+            measurements.recordings_ui(ui, session);
+        });
     // A curve is like itself.
     assert_eq!(harness.get_all_by_label("r 1.0000").count(), 3);
     harness.snapshot_options("recordings", &options());
@@ -245,7 +251,9 @@ fn a_port_that_is_not_there_gives_a_message() {
         measurements.hardware_ui(ui, session);
     });
     harness.snapshot_options("hardware", &options());
-    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "port").type_text("/no/such/port");
+    harness.get_by_role_and_label(egui::accesskit::Role::TextInput, "port").click();
+    harness.run_steps(2);
+    harness.event(egui::Event::Text("/no/such/port".to_owned()));
     harness.run_steps(2);
     harness.get_by_label("connect").click();
     harness.run_steps(2);

@@ -188,7 +188,11 @@ fn run_folder(folder: &Path) -> PathBuf {
     let scene = Scene::load(&scene_file).unwrap();
     let mut text = "frame,time_s,C_E1_E1_F,C_E1_E2_F,C_E2_E2_F,changed_edges,iterations\n".to_owned();
     for frame in 0..21 {
-        text += &format!("{frame},{},{}e-12,-1e-13,4e-12,0,1\n", 0.1 * f64::from(frame), 4.0 + 0.001 * f64::from(frame));
+        text += &format!(
+            "{frame},{},{}e-12,-1e-13,4e-12,0,1\n",
+            0.1 * f64::from(frame),
+            4.0 + 0.001 * f64::from(frame)
+        );
     }
     std::fs::write(run.join(CURVES_FILE), text).unwrap();
     let origin = RunOrigin::new(&scene, Some(&scene_file), scene.build_sensor().unwrap().mesh()).unwrap();

@@ -7,7 +7,9 @@ use crate::quantity::{Quantity, Unit};
 use crate::session::Session;
 use crate::style::{self, chip, faint, segmented};
 use egui::{RichText, Ui};
-use egui_plot::{AxisHints, HoverPosition, Line, LineStyle, Plot, PlotBounds, PlotPoint, PlotUi, Points, VLine};
+use egui_plot::{
+    AxisHints, HoverPosition, Line, LineStyle, Plot, PlotBounds, PlotPoint, PlotUi, Points, VLine,
+};
 
 /// A curve has no more points than this: more than a screen has columns.
 const MOST_POINTS: usize = 4000;
@@ -143,13 +145,7 @@ impl CurvesPanel {
     }
 
     /// Switches of the curves, each with its value under the pointer, or else the last.
-    fn chips(
-        &mut self,
-        ui: &mut Ui,
-        session: &Session,
-        preferences: &CurvePreferences,
-        samples: &[&Sample],
-    ) {
+    fn chips(&mut self, ui: &mut Ui, session: &Session, preferences: &CurvePreferences, samples: &[&Sample]) {
         let electrodes = session.history.electrodes();
         let read = match (self.cursor, preferences.axis) {
             (Some(time), _) => nearest(samples, time),
@@ -194,7 +190,7 @@ impl CurvesPanel {
         let last = samples.last().map_or(0.0, |sample| sample.time_s);
         self.latest_s = ends.fold(last, f64::max);
         let now = self.held_at.unwrap_or(self.latest_s);
-        let window = now - preferences.window_s..=now;
+        let window = (now - preferences.window_s).max(0.0)..=now.max(1.0);
         let seen: Vec<&Sample> = match follows {
             true => samples.iter().copied().filter(|s| window.contains(&s.time_s)).collect(),
             false => samples.to_vec(),
@@ -215,7 +211,9 @@ impl CurvesPanel {
                 overlay.points.retain(|point| window.contains(&point[0]));
             }
         }
-        for points in curves.iter_mut().map(|(_, points)| points).chain(over.iter_mut().map(|o| &mut o.points)) {
+        for points in
+            curves.iter_mut().map(|(_, points)| points).chain(over.iter_mut().map(|o| &mut o.points))
+        {
             scale(points, preferences);
         }
         let fits = std::mem::take(&mut self.fit);
@@ -235,8 +233,8 @@ impl CurvesPanel {
         let is_held = self.held_at.is_some();
         // Each quantity, unit and axis remembers its own zoom.
         let id = ("curves", preferences.quantity, preferences.unit, preferences.axis, preferences.normalised);
-        let y_axis = AxisHints::new_y().label(y_label).min_thickness(56.0);
-        let x_axis = AxisHints::new_x().label("time / s");
+        let y_axis = AxisHints::new_y().label(y_label).min_thickness(56.0).label_spacing(14.0..=36.0);
+        let x_axis = AxisHints::new_x().label("time / s").label_spacing(30.0..=70.0);
         let response = Plot::new(id)
             .custom_x_axes(vec![x_axis])
             .custom_y_axes(vec![y_axis])
@@ -295,7 +293,9 @@ fn follow(plot: &mut PlotUi<'_>, (from, to): (f64, f64), range: Option<[f64; 2]>
 fn hover_text(at: &HoverPosition<'_>, unit: &str) -> String {
     let text = |point: &PlotPoint| format!("{:.3} s\n{:.3} {unit}", point.x, point.y);
     match at {
-        HoverPosition::NearDataPoint { plot_name, position, .. } => format!("{plot_name}\n{}", text(position)),
+        HoverPosition::NearDataPoint { plot_name, position, .. } => {
+            format!("{plot_name}\n{}", text(position))
+        }
         HoverPosition::Elsewhere { position } => text(position),
     }
 }
@@ -315,7 +315,8 @@ fn nearest<'a>(samples: &[&'a Sample], time: f64) -> Option<&'a Sample> {
 
 /// From farads to what is on the axis.
 fn scale(points: &mut [[f64; 2]], preferences: &CurvePreferences) {
-    let [low, high] = range(std::iter::once(points.to_vec()).collect::<Vec<_>>().iter()).unwrap_or([0.0, 1.0]);
+    let [low, high] =
+        range(std::iter::once(points.to_vec()).collect::<Vec<_>>().iter()).unwrap_or([0.0, 1.0]);
     for point in points {
         point[1] = match preferences.normalised {
             true if high > low => (point[1] - low) / (high - low),

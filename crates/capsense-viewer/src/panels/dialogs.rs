@@ -134,7 +134,8 @@ pub fn ui(ctx: &egui::Context, dialog: &mut Dialog) -> Outcome {
             if modal.should_close() || modal.inner { Outcome::Closed } else { Outcome::Open }
         }
         Dialog::Path { purpose, text, error } => {
-            let modal = Modal::new(Id::unique("path")).show(ctx, |ui| path(ui, *purpose, text, error.as_deref()));
+            let modal =
+                Modal::new(Id::unique("path")).show(ctx, |ui| path(ui, *purpose, text, error.as_deref()));
             match modal.inner {
                 Some(true) => Outcome::Given(*purpose, PathBuf::from(text.trim())),
                 Some(false) => Outcome::Closed,
@@ -195,8 +196,10 @@ fn help(ui: &mut Ui) -> bool {
         }
     });
     ui.label(
-        RichText::new("3D view: drag turns, right drag moves, scroll zooms; drag the selected object's gizmo.")
-            .color(faint(ui)),
+        RichText::new(
+            "3D view: drag turns, right drag moves, scroll zooms; drag the selected object's gizmo.",
+        )
+        .color(faint(ui)),
     );
     ui.add_space(8.0);
     ui.vertical_centered(|ui| ui.button("Close").clicked()).inner

@@ -34,7 +34,8 @@ pub fn ui(ui: &mut Ui, session: &mut Session, preferences: &CurvePreferences, ba
         if ui.add_enabled(!is_too_large, egui::Button::new("± error bars")).on_hover_text(hint).clicked() {
             session.tell_bars();
         }
-        ui.checkbox(bars_at_rest, "when at rest").on_hover_text("whenever nothing has moved for half a second");
+        ui.checkbox(bars_at_rest, "when at rest")
+            .on_hover_text("whenever nothing has moved for half a second");
     });
     if is_too_large {
         ui.label(RichText::new("The mesh is too large to be halved for error bars.").color(faint(ui)));
@@ -88,13 +89,25 @@ fn cells(
                     painter.text(up, Align2::CENTER_CENTER, number, FontId::monospace(11.0), on);
                     let bar = format!("± {}", short(bars.get(row, column) * per));
                     let down = cell.center() + Vec2::new(0.0, 8.0);
-                    painter.text(down, Align2::CENTER_CENTER, bar, FontId::monospace(9.0), on.gamma_multiply(0.8));
+                    painter.text(
+                        down,
+                        Align2::CENTER_CENTER,
+                        bar,
+                        FontId::monospace(9.0),
+                        on.gamma_multiply(0.8),
+                    );
                 }
             }
             if response.hover_pos().is_some_and(|at| cell.contains(at)) {
                 let text = preferences.unit.text(value);
-                let bar = bars.map_or(String::new(), |bars| format!(" ± {}", short(bars.get(row, column) * per)));
-                pointed = Some(format!("{}–{}: {text}{bar} {}", name(row), name(column), preferences.unit.symbol()));
+                let bar =
+                    bars.map_or(String::new(), |bars| format!(" ± {}", short(bars.get(row, column) * per)));
+                pointed = Some(format!(
+                    "{}–{}: {text}{bar} {}",
+                    name(row),
+                    name(column),
+                    preferences.unit.symbol()
+                ));
             }
         }
     }
@@ -106,7 +119,8 @@ fn cells(
 /// From blue over the ground to red, for parts from -1 to 1: lightness tells how much, hue which sign (after ColorBrewer's
 /// RdBu).
 fn diverging(part: f32, is_dark: bool) -> Color32 {
-    let ground = if is_dark { Color32::from_rgb(0x2a, 0x2e, 0x36) } else { Color32::from_rgb(0xf4, 0xf5, 0xf7) };
+    let ground =
+        if is_dark { Color32::from_rgb(0x2a, 0x2e, 0x36) } else { Color32::from_rgb(0xf4, 0xf5, 0xf7) };
     let [near, far] = match (part < 0.0, is_dark) {
         (true, true) => [Color32::from_rgb(0x2f, 0x5f, 0x8f), Color32::from_rgb(0x6f, 0xb7, 0xe6)],
         (false, true) => [Color32::from_rgb(0x8f, 0x45, 0x3c), Color32::from_rgb(0xf2, 0x8c, 0x6a)],
@@ -114,7 +128,11 @@ fn diverging(part: f32, is_dark: bool) -> Color32 {
         (false, false) => [Color32::from_rgb(0xf4, 0xa5, 0x82), Color32::from_rgb(0xb7, 0x2b, 0x36)],
     };
     let part = part.abs().clamp(0.0, 1.0);
-    if part < 0.5 { ground.lerp_to_gamma(near, 2.0 * part) } else { near.lerp_to_gamma(far, 2.0 * part - 1.0) }
+    if part < 0.5 {
+        ground.lerp_to_gamma(near, 2.0 * part)
+    } else {
+        near.lerp_to_gamma(far, 2.0 * part - 1.0)
+    }
 }
 
 /// As many digits as there is room for.
@@ -139,7 +157,11 @@ fn short(value: f64) -> String {
 /// Black or white, whichever is legible.
 fn ink_on(fill: Color32) -> Color32 {
     let [r, g, b, _] = fill.to_array().map(f32::from);
-    if 0.299 * r + 0.587 * g + 0.114 * b > 140.0 { Color32::from_gray(0x18) } else { Color32::from_gray(0xf0) }
+    if 0.299 * r + 0.587 * g + 0.114 * b > 140.0 {
+        Color32::from_gray(0x18)
+    } else {
+        Color32::from_gray(0xf0)
+    }
 }
 
 #[cfg(test)]

@@ -156,7 +156,8 @@ impl Measurements {
             let span = session.transport.end_s().max(1.0);
             row(ui, "lag", |ui| {
                 ui.spacing_mut().slider_width = 90.0;
-                let slider = egui::Slider::new(&mut measured.lag_s, -span..=span).suffix(" s").max_decimals(3);
+                let slider =
+                    egui::Slider::new(&mut measured.lag_s, -span..=span).suffix(" s").max_decimals(3);
                 named(ui.add(slider), "lag").on_hover_text("added to the times of the recording");
             });
             let lag_s = measured.lag_s;
@@ -224,10 +225,11 @@ impl Measurements {
         });
         let is_given = !form.port.trim().is_empty();
         if ui.add_enabled(is_given, egui::Button::new("connect")).clicked() {
-            let connection = DeviceProfile::find(&form.device).map_err(|error| error.to_string()).map(|profile| {
-                let record = form.records.then(|| PathBuf::from(form.recording.trim()));
-                Connection { port: form.port.trim().to_owned(), baud: form.baud, profile, record }
-            });
+            let connection =
+                DeviceProfile::find(&form.device).map_err(|error| error.to_string()).map(|profile| {
+                    let record = form.records.then(|| PathBuf::from(form.recording.trim()));
+                    Connection { port: form.port.trim().to_owned(), baud: form.baud, profile, record }
+                });
             let ctx = ui.ctx().clone();
             let result = connection.and_then(|c| self.connect(c, session, move || ctx.request_repaint()));
             self.form.error = result.err();
@@ -268,7 +270,9 @@ fn channels(ui: &mut Ui, channels: &mut [Channel], session: &Session, axis: Time
     for (index, channel) in channels.iter_mut().enumerate() {
         // Over the session only what is as old as the measurement counts, so that few samples are compared.
         let first = channel.times.first().map_or(f64::INFINITY, |time| time + lag_s);
-        let known = samples.iter().filter(|sample| sample.time_s >= first - 1.0 && channel.entry < sample.farads.len());
+        let known = samples
+            .iter()
+            .filter(|sample| sample.time_s >= first - 1.0 && channel.entry < sample.farads.len());
         let (times, values) = known.map(|sample| (sample.time_s, sample.farads[channel.entry])).unzip();
         let computed = Curve::new(times, values).ok();
         ui.horizontal(|ui| {
@@ -293,7 +297,8 @@ fn channels(ui: &mut Ui, channels: &mut [Channel], session: &Session, axis: Time
             let fit = ui.add_enabled(can, egui::Button::new("calibrate").small());
             let align = ui.add_enabled(can, egui::Button::new("offset").small());
             if let Some(computed) = &computed {
-                if fit.on_hover_text("gain and offset that bring it nearest to the computed curve").clicked() {
+                if fit.on_hover_text("gain and offset that bring it nearest to the computed curve").clicked()
+                {
                     channel.calibrate(computed, lag_s);
                 }
                 if align.on_hover_text("the offset alone, so that the means agree").clicked() {

@@ -43,7 +43,8 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
 }
 
 fn shape_text(shape: &Shape) -> String {
-    let mm = |length: f64| format!("{:.4}", length * 1e3).trim_end_matches('0').trim_end_matches('.').to_owned();
+    let mm =
+        |length: f64| format!("{:.4}", length * 1e3).trim_end_matches('0').trim_end_matches('.').to_owned();
     match shape {
         Shape::Box { size } => format!("box {} × {} × {} mm", mm(size.x), mm(size.y), mm(size.z)),
         Shape::Sphere { radius } => format!("sphere Ø {} mm", mm(2.0 * radius)),
@@ -236,7 +237,9 @@ pub fn add_file(session: &mut Session, path: &Path) {
 
 /// The unit in which a file is of plausible size in a domain. STL and OBJ files do not say theirs.
 fn unit_of(path: &Path, domain: f64) -> &'static str {
-    let Ok(mesh) = capsense_render::load_mesh(path, capsense::core::units::LengthUnit::Metre) else { return "m" };
+    let Ok(mesh) = capsense_render::load_mesh(path, capsense::core::units::LengthUnit::Metre) else {
+        return "m";
+    };
     let bounds = capsense::core::geometry::Aabb::around(mesh.vertices().iter().copied());
     let size = bounds.size().max_element();
     if size > 10.0 * domain { "mm" } else { "m" }

@@ -94,7 +94,8 @@ impl Performance {
 
 /// Bars, one a frame, the last at the right.
 fn stack(ui: &mut Ui, bars: Vec<[f64; 4]>) {
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), 84.0), egui::Sense::hover());
+    let (rect, response) =
+        ui.allocate_exact_size(Vec2::new(ui.available_width(), 84.0), egui::Sense::hover());
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, CornerRadius::same(3), ui.visuals().extreme_bg_color);
     let mut totals: Vec<f64> = bars.iter().map(|bar| bar.iter().sum()).collect();
@@ -109,7 +110,8 @@ fn stack(ui: &mut Ui, bars: Vec<[f64; 4]>) {
         let mut bottom = rect.bottom();
         for (part, milliseconds) in bar.iter().enumerate() {
             let height = (*milliseconds / top) as f32 * rect.height();
-            let cell = egui::Rect::from_min_max(pos2(left, bottom - height), pos2(left + width - 0.5, bottom));
+            let cell =
+                egui::Rect::from_min_max(pos2(left, bottom - height), pos2(left + width - 0.5, bottom));
             painter.rect_filled(cell, 0.0, COLOURS[part]);
             bottom -= height;
         }

@@ -49,17 +49,19 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     });
     row(ui, "preconditioner", |ui| {
         let mut chosen = scene.solver.preconditioner;
-        let list = ComboBox::from_id_salt("preconditioner").selected_text(preconditioner_name(chosen)).show_ui(ui, |ui| {
-            for choice in [
-                Preconditioner::Multigrid,
-                Preconditioner::Ic0,
-                Preconditioner::Jacobi,
-                Preconditioner::None,
-                Preconditioner::Direct,
-            ] {
-                ui.selectable_value(&mut chosen, choice, preconditioner_name(choice));
-            }
-        });
+        let list = ComboBox::from_id_salt("preconditioner")
+            .selected_text(preconditioner_name(chosen))
+            .show_ui(ui, |ui| {
+                for choice in [
+                    Preconditioner::Multigrid,
+                    Preconditioner::Ic0,
+                    Preconditioner::Jacobi,
+                    Preconditioner::None,
+                    Preconditioner::Direct,
+                ] {
+                    ui.selectable_value(&mut chosen, choice, preconditioner_name(choice));
+                }
+            });
         named(list.response, "preconditioner");
         if chosen != scene.solver.preconditioner {
             session.edit(|document| document.set_preconditioner(chosen));

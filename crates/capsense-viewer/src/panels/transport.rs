@@ -27,7 +27,8 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
             if press(ui, Icon::Back, "One frame back", "left arrow") {
                 transport.step(-1);
             }
-            let (icon, name) = if transport.is_playing { (Icon::Pause, "Pause") } else { (Icon::Play, "Play") };
+            let (icon, name) =
+                if transport.is_playing { (Icon::Pause, "Pause") } else { (Icon::Play, "Play") };
             if press(ui, icon, name, "Space") {
                 transport.toggle();
             }

@@ -51,10 +51,12 @@ pub(crate) fn preferences() -> Preferences {
 }
 
 pub(crate) fn window(start: Start, preferences: Preferences, size: [f32; 2]) -> Harness<'static, ViewerApp> {
-    let harness = Harness::builder().with_size(size).with_pixels_per_point(1.0).with_accessibility_check(false);
+    let harness =
+        Harness::builder().with_size(size).with_pixels_per_point(1.0).with_accessibility_check(false);
     let harness = harness.wgpu();
     harness.build_eframe(move |cc| {
-        ViewerApp::new(&cc.egui_ctx, cc.wgpu_render_state.as_ref(), start.clone(), preferences.clone()).unwrap()
+        ViewerApp::new(&cc.egui_ctx, cc.wgpu_render_state.as_ref(), start.clone(), preferences.clone())
+            .unwrap()
     })
 }
 
