@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 const SIZE: [f32; 2] = [1200.0, 800.0];
 const PATIENCE: Duration = Duration::from_secs(60);
+const SLOW_FRAMES: Duration = Duration::from_millis(700);
 
 /// A process that ends with the test.
 struct Running(Child);
@@ -92,6 +93,7 @@ impl Desktop {
     fn click(&self, at: egui::Pos2) {
         self.move_to(at);
         self.xdotool(&["mousedown", "1"]);
+        std::thread::sleep(Duration::from_millis(100));
         self.xdotool(&["mouseup", "1"]);
     }
 
@@ -114,7 +116,7 @@ impl Desktop {
     fn export(&self, folder: &Path, name: &str) -> f64 {
         let path = folder.join(name);
         self.keys(&["ctrl+e"]);
-        std::thread::sleep(Duration::from_millis(300));
+        std::thread::sleep(SLOW_FRAMES);
         self.keys(&["ctrl+a"]);
         self.xdotool(&["type", "--delay", "15", path.to_str().unwrap()]);
         self.keys(&["Return"]);
@@ -156,14 +158,17 @@ fn an_object_moved_with_mouse_and_keyboard_changes_the_exported_curve() {
     // A curve has two samples at least, over the time of the session that moving by hand shows, too.
     desktop.keys(&["Right", "Left"]);
     let before = desktop.export(folder.path(), "before.csv");
+    // A software driver may take a while for a frame, and what is clicked must be there in the one before.
+    std::thread::sleep(SLOW_FRAMES);
     desktop.click(bar);
+    std::thread::sleep(SLOW_FRAMES);
     // To the left is down: nearer to the electrodes.
     desktop.drag(z, -60.0);
-    std::thread::sleep(Duration::from_millis(500));
+    std::thread::sleep(SLOW_FRAMES);
     let dragged = desktop.export(folder.path(), "dragged.csv");
     assert!(dragged > 1.001 * before, "the mouse: {before:e} F, then {dragged:e} F");
     desktop.keys(&["alt+shift+Right", "alt+shift+Right", "alt+shift+Right", "alt+shift+Right"]);
-    std::thread::sleep(Duration::from_millis(500));
+    std::thread::sleep(SLOW_FRAMES);
     let keyed = desktop.export(folder.path(), "keyed.csv");
     assert!(keyed > 1.001 * dragged, "the keyboard: {dragged:e} F, then {keyed:e} F");
 }

@@ -136,7 +136,7 @@ fn the_matrix_has_numbers_and_error_bars() {
 fn an_object_is_moved_and_made_of_something_else() {
     let mut session = session();
     session.selected = Some(0);
-    let mut harness = panel([272.0, 330.0], Theme::Dark, session, |ui, session| objects::ui(ui, session));
+    let mut harness = panel([272.0, 330.0], Theme::Dark, session, objects::ui);
     harness.snapshot_options("objects", &options());
     harness.get_by_label("ground").click();
     harness.run_steps(1);
@@ -175,8 +175,7 @@ fn what_is_removed_takes_its_pose_along() {
 
 #[test]
 fn settings_of_the_simulation_are_those_of_the_scene() {
-    let mut harness =
-        panel([272.0, 240.0], Theme::Dark, session(), |ui, session| simulation::ui(ui, session));
+    let mut harness = panel([272.0, 240.0], Theme::Dark, session(), simulation::ui);
     harness.snapshot_options("simulation", &options());
     harness.get_by_label("solids").click();
     harness.run_steps(1);
@@ -187,7 +186,7 @@ fn settings_of_the_simulation_are_those_of_the_scene() {
 
 #[test]
 fn the_transport_plays_and_steps() {
-    let mut harness = panel([820.0, 34.0], Theme::Dark, session(), |ui, session| transport::ui(ui, session));
+    let mut harness = panel([820.0, 34.0], Theme::Dark, session(), transport::ui);
     harness.snapshot_options("transport", &options());
     let frame = harness.state().transport.frame();
     harness.get_by_label("One frame back").click();
@@ -218,7 +217,7 @@ fn times_are_stacked() {
         performance.note(begun + Duration::from_millis(20 * u64::from(k)), Duration::from_micros(1500));
     }
     let mut harness =
-        panel([272.0, 330.0], Theme::Dark, session, move |ui, session| performance.ui(ui, session));
+        panel([272.0, 350.0], Theme::Dark, session, move |ui, session| performance.ui(ui, session));
     harness.get_by_label("25 of the last 100");
     harness.get_by_label("51 frames in the last second");
     harness.snapshot_options("performance", &options());

@@ -240,6 +240,7 @@ impl CurvesPanel {
             .custom_y_axes(vec![y_axis])
             .label_formatter(move |at: &HoverPosition<'_>| Some(hover_text(at, unit)))
             .set_margin_fraction(egui::vec2(0.01, MARGIN as f32))
+            .grid_color(faint.gamma_multiply(0.5))
             .show_background(true)
             .show(ui, |plot| {
                 if fits {
