@@ -2,7 +2,7 @@
 //!
 //! A channel is compared with one entry of the Maxwell matrix, as gain · measured + offset over time + lag.
 
-use capsense::series::{Curve, common_axis, pearson};
+use capsense::series::{Curve, best_lag, common_axis, pearson};
 use capsense_hw::recording::{RecordingReader, Samples};
 use std::path::Path;
 
@@ -90,6 +90,12 @@ impl Channel {
         let measured = self.curve(lag_s)?;
         let times = common_axis(computed, &measured).ok()?;
         pearson(&computed.resampled(&times), &measured.resampled(&times))
+    }
+
+    /// The lag at which it is most like a computed curve, near the one given.
+    pub fn best_lag(&self, computed: &Curve, lag_s: f64) -> Option<f64> {
+        let behind = best_lag(computed, &self.curve(lag_s)?).ok()??;
+        Some(lag_s - behind.time)
     }
 
     /// Sets gain and offset so that the measured curve comes nearest to the computed one, in the mean square. Returns
@@ -308,6 +314,8 @@ mod tests {
         }
         assert!(channel.pearson(&computed, 0.5).unwrap() > 0.999_999);
         assert!(channel.pearson(&computed, 0.0).unwrap() < 0.9, "the lag matters");
+        let lag_s = channel.best_lag(&computed, 0.0).unwrap();
+        assert!((lag_s - 0.5).abs() < 0.1, "{lag_s}");
         assert!(channel.calibrate(&computed, 0.5));
         assert!((channel.gain / 2e-16 - 1.0).abs() < 1e-6, "{}", channel.gain);
         assert!((channel.offset / 3e-12 - 1.0).abs() < 1e-6, "{}", channel.offset);

@@ -155,10 +155,19 @@ impl Measurements {
             });
             let span = session.transport.end_s().max(1.0);
             row(ui, "lag", |ui| {
-                ui.spacing_mut().slider_width = 90.0;
+                ui.spacing_mut().slider_width = 70.0;
                 let slider =
                     egui::Slider::new(&mut measured.lag_s, -span..=span).suffix(" s").max_decimals(3);
                 named(ui.add(slider), "lag").on_hover_text("added to the times of the recording");
+                let hint = "the lag at which the first channel that is shown is most like its curve";
+                if ui.small_button("best").on_hover_text(hint).clicked() {
+                    let shown = measured.channels.iter().find(|channel| channel.is_shown);
+                    let best = shown.and_then(|channel| {
+                        let curve = computed_curve(session, TimeAxis::Scene, channel, measured.lag_s)?;
+                        channel.best_lag(&curve, measured.lag_s)
+                    });
+                    measured.lag_s = best.unwrap_or(measured.lag_s).clamp(-span, span);
+                }
             });
             let lag_s = measured.lag_s;
             ui.push_id(index, |ui| channels(ui, &mut measured.channels, session, TimeAxis::Scene, lag_s));
@@ -261,20 +270,23 @@ impl Measurements {
     }
 }
 
+/// What was computed of a channel's entry. Over the session only what is as old as the measurement counts, so that few samples
+/// are compared.
+fn computed_curve(session: &Session, axis: TimeAxis, channel: &Channel, lag_s: f64) -> Option<Curve> {
+    let first = channel.times.first().map_or(f64::INFINITY, |time| time + lag_s) - 1.0;
+    let samples = session.history.samples(axis).into_iter();
+    let known = samples.filter(|sample| sample.time_s >= first && channel.entry < sample.farads.len());
+    let (times, values) = known.map(|sample| (sample.time_s, sample.farads[channel.entry])).unzip();
+    Curve::new(times, values).ok()
+}
+
 /// One row a channel: whether it is drawn, what it is compared with, how alike they are, and the calibration.
 fn channels(ui: &mut Ui, channels: &mut [Channel], session: &Session, axis: TimeAxis, lag_s: f64) {
     let electrodes = session.history.electrodes();
     let names: Vec<String> =
         pairs(electrodes.len()).map(|(a, b)| format!("{}–{}", electrodes[a], electrodes[b])).collect();
-    let samples = session.history.samples(axis);
     for (index, channel) in channels.iter_mut().enumerate() {
-        // Over the session only what is as old as the measurement counts, so that few samples are compared.
-        let first = channel.times.first().map_or(f64::INFINITY, |time| time + lag_s);
-        let known = samples
-            .iter()
-            .filter(|sample| sample.time_s >= first - 1.0 && channel.entry < sample.farads.len());
-        let (times, values) = known.map(|sample| (sample.time_s, sample.farads[channel.entry])).unzip();
-        let computed = Curve::new(times, values).ok();
+        let computed = computed_curve(session, axis, channel, lag_s);
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 6.0;
             chip(ui, &mut channel.is_shown, palette(channel.entry), &channel.name, "");
