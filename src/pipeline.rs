@@ -111,10 +111,10 @@ impl Pipeline {
         Self::with_sensor(scene, scene.build_sensor()?)
     }
 
-    /// The same on another mesh than the scene asks for.
+    /// The same on another mesh than the scene asks for, or on one that was chosen before.
     ///
     /// # Errors
-    /// As [`Pipeline::new`].
+    /// When the objects cannot be drawn, or the solver fails.
     pub fn with_sensor(scene: &Scene, sensor: Sensor) -> Result<Self, PipelineError> {
         let materials = scene.objects.iter().map(|object| object.material).collect();
         let simulator = Simulator::with_interface(sensor, materials, scene.solver, scene.interface)?;
@@ -134,10 +134,23 @@ impl Pipeline {
     /// # Errors
     /// When the renderer or the solver fails.
     pub fn frame(&mut self, index: usize) -> Result<Frame, PipelineError> {
+        self.frame_holding(index, &[])
+    }
+
+    /// The same with some objects held where the scene does not have them: `held[k]` is the pose of object k in place of
+    /// that of its motion. Objects beyond the end of the list are not held.
+    ///
+    /// # Errors
+    /// As [`Pipeline::frame`], and when a pose is not valid.
+    pub fn frame_holding(&mut self, index: usize, held: &[Option<Pose>]) -> Result<Frame, PipelineError> {
         let time_s = index as f64 / self.frame_rate;
         let started = Instant::now();
         self.poses.clear();
-        self.poses.extend(self.objects.iter().map(|object| object.motion.pose_at(time_s)));
+        let held = held.iter().copied().chain(std::iter::repeat(None));
+        let pose_of = |(object, held): (&SceneObject, Option<Pose>)| {
+            held.unwrap_or_else(|| object.motion.pose_at(time_s))
+        };
+        self.poses.extend(self.objects.iter().zip(held).map(pose_of));
         match &mut self.eye {
             Eye::Camera(camera) => camera.look(&self.poses)?,
             Eye::Solids(solids) => solids.place(&self.poses)?,
@@ -185,6 +198,11 @@ impl Pipeline {
             Eye::Camera(camera) => Some(&camera.layers),
             Eye::Solids(_) => None,
         }
+    }
+
+    /// Where the objects stood in the last frame, in the order of the scene; empty before the first.
+    pub fn poses(&self) -> &[Pose] {
+        &self.poses
     }
 
     /// What draws the objects; exact solids are not drawn.

@@ -14,6 +14,7 @@ mod object;
 mod raw;
 mod source;
 mod trajectory;
+pub mod write;
 
 pub use generate::{GeneratedMesh, MeshSize};
 pub use geometry::Geometry;
@@ -36,6 +37,9 @@ use std::path::Path;
 
 /// The scene that runs when none is named: a grounded steel bar sweeps past three stripe electrodes.
 const BUILT_IN: &str = include_str!("../../assets/scenes/steel_bar.toml");
+
+/// What messages call it.
+const BUILT_IN_NAME: &str = "steel_bar.toml (built in)";
 
 /// More pixels than this along a side are a mistake.
 const MOST_PIXELS: usize = 4096;
@@ -138,7 +142,7 @@ impl Scene {
     /// # Errors
     /// None, unless the program was built from a broken file.
     pub fn built_in() -> Result<Self, SceneError> {
-        Self::parse("steel_bar.toml (built in)", BUILT_IN, Path::new(""))
+        Self::parse(BUILT_IN_NAME, BUILT_IN, Path::new(""))
     }
 
     /// Meshes the sensor.

@@ -277,6 +277,36 @@ impl Simulator {
         (0..self.capacitance.size()).map(|electrode| all.get(electrode, ground)).collect()
     }
 
+    /// The potential of each node, in volts, with one electrode at 1 V and the others at 0 V, as the last solve left the
+    /// field: what `potentials` holds afterwards. Objects that find their own potential have it, by
+    /// [`Simulator::capacitance`]'s rule for them.
+    ///
+    /// # Panics
+    /// When there is no such electrode.
+    pub fn potentials(&self, electrode: usize, potentials: &mut Vec<f64>) {
+        let electrodes = self.capacitance.size();
+        assert!(electrode < electrodes, "electrode {electrode} of {electrodes}");
+        let objects: Vec<(usize, f64)> = released_objects(&self.materials, electrodes)
+            .map(|(object, to_ground)| {
+                // With all others released, the charge that the electrode's volt leaves on an object is its own to undo.
+                let mut left = self.held.clone();
+                for (other, to_ground) in released_objects(&self.materials, electrodes) {
+                    if other != object {
+                        left.release(other, to_ground);
+                    }
+                }
+                let pivot = left.get(object, object) + to_ground;
+                (object, if pivot > 0.0 { -left.get(object, electrode) / pivot } else { 0.0 })
+            })
+            .collect();
+        potentials.clear();
+        potentials.extend((0..self.sensor.mesh().nodes().len()).map(|node| {
+            let of_objects =
+                objects.iter().map(|&(object, volts)| volts * self.fields.potential(object, node));
+            self.fields.potential(electrode, node) + of_objects.sum::<f64>()
+        }));
+    }
+
     /// The Maxwell capacitance matrix of the empty scene.
     pub fn base(&self) -> &CapacitanceMatrix {
         &self.base

@@ -1,315 +1,365 @@
-//! The window: a list of matrix entries on the left, their curves in the middle, the mesh on the right.
+//! The window: menu, panels around the 3D view, shortcuts, files that are dropped.
 
-use crate::ViewerData;
-use crate::curves::Curves;
-use crate::wireframe::{self, MeshView, Orbit};
-use egui::{RichText, ScrollArea, Ui};
-use egui_plot::{AxisHints, HoverPosition, Line, Plot, PlotPoint};
+use crate::history::TimeAxis;
+use crate::panels::curves::CurvesPanel;
+use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
+use crate::panels::measurements::Measurements;
+use crate::panels::performance::Performance;
+use crate::panels::{matrix, objects, simulation, transport};
+use crate::preferences::{Preferences, Theme};
+use crate::scene3d::{BodyPose, Scene3d};
+use crate::session::{Bars, Message, Session};
+use crate::start::Start;
+use crate::style::{self, panel_frame, section};
+use crate::{export, shortcuts, status};
+use egui::{CentralPanel, Panel, ScrollArea, Ui};
+use egui_wgpu::RenderState;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-/// What there is to show.
-#[derive(Clone, Debug)]
-pub enum Content {
-    /// The program was started without a run.
-    Nothing,
-    /// The run could not be read; this is the message.
-    Failed(String),
-    /// A run.
-    Run {
-        /// What to call it.
-        name: String,
-        /// Its curves and its mesh.
-        data: Box<ViewerData>,
-    },
-}
+/// Under which preferences are kept.
+const PREFERENCES: &str = "preferences";
 
-/// Which quantity the curves show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Quantity {
-    /// The entry of the Maxwell matrix itself.
-    Absolute,
-    /// Its change since the first frame.
-    #[default]
-    Change,
-}
-
-impl Quantity {
-    /// Its symbol.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Absolute => "C",
-            Self::Change => "ΔC",
-        }
-    }
-}
-
-/// The unit that the curves are drawn in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Unit {
-    /// 1e-15 F.
-    #[default]
-    Femtofarad,
-    /// 1e-12 F.
-    Picofarad,
-}
-
-impl Unit {
-    /// Its symbol.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Femtofarad => "fF",
-            Self::Picofarad => "pF",
-        }
-    }
-
-    /// Decimals that show attofarads.
-    fn decimals(self) -> usize {
-        match self {
-            Self::Femtofarad => 3,
-            Self::Picofarad => 6,
-        }
-    }
-
-    /// How many of them a farad is.
-    pub fn per_farad(self) -> f64 {
-        match self {
-            Self::Femtofarad => 1e15,
-            Self::Picofarad => 1e12,
-        }
-    }
-}
-
-/// The points of every curve in one quantity and unit.
-pub fn plot_points(curves: &Curves, quantity: Quantity, unit: Unit) -> Vec<Vec<[f64; 2]>> {
-    curves
-        .entries()
-        .iter()
-        .map(|entry| {
-            let reference = match quantity {
-                Quantity::Absolute => 0.0,
-                Quantity::Change => entry.farads.first().copied().unwrap_or(0.0),
-            };
-            let values = entry.farads.iter().map(|farads| (farads - reference) * unit.per_farad());
-            curves.time_s().iter().zip(values).map(|(&time, value)| [time, value]).collect()
-        })
-        .collect()
-}
+/// How long nothing must have moved before error bars are told.
+const REST: Duration = Duration::from_millis(500);
 
 /// The state of the window.
-#[derive(Debug)]
 pub struct ViewerApp {
-    view: View,
-}
-
-#[derive(Debug)]
-enum View {
-    Nothing,
-    Failed(String),
-    Run(Box<RunView>),
+    /// What it is about.
+    pub session: Session,
+    /// What is remembered.
+    pub preferences: Preferences,
+    pub(crate) curves: CurvesPanel,
+    pub(crate) dialog: Option<Dialog>,
+    /// Recordings, and a board that is connected.
+    pub measurements: Measurements,
+    /// A recording to be opened once its scene is there.
+    waiting_recording: Option<PathBuf>,
+    scene3d: Scene3d,
+    performance: Performance,
+    shown_theme: Option<Theme>,
+    frame_began: Option<Instant>,
+    moves: u64,
+    computed_frames: (usize, Instant),
 }
 
 impl ViewerApp {
-    /// Shows this from now on.
-    pub fn new(content: Content) -> Self {
-        let view = match content {
-            Content::Nothing => View::Nothing,
-            Content::Failed(message) => View::Failed(message),
-            Content::Run { name, data } => View::Run(Box::new(RunView::new(name, *data))),
+    /// Begins with a scene. `render_state` draws the 3D view.
+    ///
+    /// # Errors
+    /// When the system has no thread to give.
+    pub fn new(
+        ctx: &egui::Context,
+        render_state: Option<&RenderState>,
+        start: Start,
+        preferences: Preferences,
+    ) -> std::io::Result<Self> {
+        let wake = ctx.clone();
+        let mut session = Session::new(start.document, start.path, move || wake.request_repaint())?;
+        session.message = start.message.map(Message::error);
+        Ok(Self {
+            session,
+            preferences,
+            curves: CurvesPanel::default(),
+            dialog: None,
+            measurements: Measurements::default(),
+            waiting_recording: start.recording,
+            scene3d: Scene3d::new(render_state),
+            performance: Performance::default(),
+            shown_theme: None,
+            frame_began: None,
+            moves: 0,
+            computed_frames: (0, Instant::now()),
+        })
+    }
+
+    /// What was remembered of the last start.
+    pub fn remembered(storage: Option<&dyn eframe::Storage>) -> Preferences {
+        storage.and_then(|storage| eframe::get_value(storage, PREFERENCES)).unwrap_or_default()
+    }
+
+    /// Draws the window and takes what happens in it.
+    pub fn show(&mut self, ui: &mut Ui) {
+        let began = Instant::now();
+        let between = self.frame_began.map_or(Duration::ZERO, |before| began - before);
+        self.frame_began = Some(began);
+        if self.shown_theme != Some(self.preferences.theme) {
+            style::apply(ui.ctx(), self.preferences.theme);
+            self.shown_theme = Some(self.preferences.theme);
+        }
+        self.session.update(between);
+        self.measurements.update(&self.session);
+        self.open_waiting_recording();
+        self.dropped_files(ui.ctx());
+        if self.dialog.is_none() {
+            shortcuts::apply(ui.ctx(), self);
+        }
+        self.panels(ui);
+        self.dialogs(ui.ctx());
+        self.follow_hand();
+        self.keep_going(ui.ctx());
+        self.performance.note(began, began.elapsed());
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
+        let frame = panel_frame(ui);
+        Panel::top("menu")
+            .frame(frame.inner_margin(egui::Margin::symmetric(8, 3)))
+            .show(ui, |ui| self.menu(ui));
+        Panel::bottom("status")
+            .frame(frame.inner_margin(egui::Margin::symmetric(10, 4)))
+            .show(ui, |ui| status::ui(ui, &mut self.session));
+        let panels = self.preferences.panels.clone();
+        if panels.scene {
+            Panel::left("scene").frame(frame).default_size(292.0).size_range(250.0..=420.0).show(ui, |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.scene_panel(ui));
+            });
+        }
+        if panels.data {
+            Panel::right("data").frame(frame).default_size(292.0).size_range(240.0..=480.0).show(ui, |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.data_panel(ui));
+            });
+        }
+        if panels.curves {
+            Panel::bottom("curves")
+                .frame(frame)
+                .resizable(true)
+                .default_size(290.0)
+                .size_range(150.0..=600.0)
+                .show(ui, |ui| {
+                    let overlays = self.measurements.overlays(self.preferences.curves.axis);
+                    self.curves.ui(ui, &self.session, &mut self.preferences.curves, &overlays);
+                });
+        }
+        Panel::bottom("transport").frame(frame.inner_margin(egui::Margin::symmetric(10, 5))).show(ui, |ui| {
+            transport::ui(ui, &mut self.session);
+        });
+        CentralPanel::default().frame(frame.inner_margin(0)).show(ui, |ui| self.view(ui));
+    }
+
+    fn scene_panel(&mut self, ui: &mut Ui) {
+        section(ui, "Objects", |ui| objects::ui(ui, &mut self.session));
+        section(ui, "Simulation", |ui| simulation::ui(ui, &mut self.session));
+        section(ui, "3D view", |ui| self.scene3d.options_ui(ui));
+    }
+
+    fn data_panel(&mut self, ui: &mut Ui) {
+        section(ui, "Matrix", |ui| {
+            let Preferences { curves, bars_at_rest, .. } = &mut self.preferences;
+            matrix::ui(ui, &mut self.session, curves, bars_at_rest);
+        });
+        section(ui, "Performance", |ui| self.performance.ui(ui, &self.session));
+        section(ui, "Recordings", |ui| {
+            if self.measurements.recordings_ui(ui, &self.session) {
+                self.ask_for_path(Purpose::OpenRecording);
+            }
+        });
+        section(ui, "Hardware", |ui| self.measurements.hardware_ui(ui, &self.session));
+    }
+
+    fn view(&mut self, ui: &mut Ui) {
+        let session = &mut self.session;
+        let (Some(open), Some(view)) = (&session.open, session.view.clone()) else {
+            ui.centered_and_justified(|ui| ui.weak(status::doing(session.activity())));
+            return;
         };
-        Self { view }
+        let names = open.scene.objects.iter().map(|object| object.name.clone());
+        let poses = session.poses();
+        let mut bodies: Vec<BodyPose> =
+            names.zip(&poses).map(|(name, pose)| BodyPose::new(name, pose)).collect();
+        let response = self.scene3d.show(ui, &view, &mut bodies, &mut session.selected);
+        if response.moved {
+            let moved = bodies.iter().map(BodyPose::pose).zip(poses).enumerate();
+            for (index, (now, _)) in moved.filter(|(_, (now, before))| now != before) {
+                session.hold(index, now);
+            }
+        }
+    }
+
+    fn menu(&mut self, ui: &mut Ui) {
+        egui::MenuBar::new().ui(ui, |ui| {
+            ui.menu_button("File", |ui| self.file_menu(ui));
+            ui.menu_button("View", |ui| self.view_menu(ui));
+            if ui.button("Shortcuts").on_hover_text("?").clicked() {
+                self.dialog = Some(Dialog::Help);
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let mark = if self.session.is_changed { " *" } else { "" };
+                ui.weak(format!("{}{mark}", self.session.title()));
+            });
+        });
+    }
+
+    fn file_menu(&mut self, ui: &mut Ui) {
+        for (text, keys, purpose) in [
+            ("Open…", "Ctrl+O", Purpose::Open),
+            ("Save scene…", "Ctrl+S", Purpose::SaveScene),
+            ("Add mesh file…", "", Purpose::AddMesh),
+            ("Export curves as CSV…", "Ctrl+E", Purpose::ExportCsv),
+            ("Export window as PNG…", "Ctrl+P", Purpose::ExportPng),
+        ] {
+            if ui.add(egui::Button::new(text).shortcut_text(keys)).clicked() {
+                self.ask_for_path(purpose);
+            }
+        }
+        ui.separator();
+        let can_undo = self.session.can_undo();
+        if ui.add_enabled(can_undo, egui::Button::new("Undo").shortcut_text("Ctrl+Z")).clicked() {
+            self.session.undo();
+        }
+        if ui.button("Quit").clicked() {
+            ui.ctx().send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+
+    fn view_menu(&mut self, ui: &mut Ui) {
+        let panels = &mut self.preferences.panels;
+        for (open, text) in [
+            (&mut panels.scene, "Scene  (1)"),
+            (&mut panels.curves, "Curves  (2)"),
+            (&mut panels.data, "Data  (3)"),
+        ] {
+            ui.checkbox(open, text);
+        }
+        ui.separator();
+        for (theme, text) in
+            [(Theme::System, "As the desktop"), (Theme::Dark, "Dark"), (Theme::Light, "Light")]
+        {
+            ui.radio_value(&mut self.preferences.theme, theme, text);
+        }
+    }
+
+    /// Whether an object is dragged in the 3D view.
+    pub(crate) fn is_dragging(&self) -> bool {
+        self.scene3d.is_dragging()
+    }
+
+    /// Opens the dialog that asks for a path, beginning with a likely one.
+    pub(crate) fn ask_for_path(&mut self, purpose: Purpose) {
+        let scene = self.session.path.clone();
+        let folder = scene.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_owned();
+        let stem =
+            scene.as_deref().and_then(Path::file_stem).map_or("capsense".into(), |s| s.to_string_lossy());
+        let start = match purpose {
+            Purpose::SaveScene => scene.clone().unwrap_or_else(|| PathBuf::from("scene.toml")),
+            Purpose::ExportCsv => folder.join(format!("{stem}.csv")),
+            Purpose::ExportPng => folder.join(format!("{stem}.png")),
+            Purpose::Open | Purpose::AddMesh | Purpose::OpenRecording => folder.join(""),
+        };
+        self.dialog = Some(Dialog::path(purpose, &start));
+    }
+
+    fn dialogs(&mut self, ctx: &egui::Context) {
+        let Some(mut dialog) = self.dialog.take() else { return };
+        // A dialog that closes still takes the pointer for one frame.
+        ctx.request_repaint();
+        match dialogs::ui(ctx, &mut dialog) {
+            Outcome::Open => self.dialog = Some(dialog),
+            Outcome::Closed => {}
+            Outcome::Given(purpose, path) => {
+                if let Err(message) = self.with_path(ctx, purpose, &path) {
+                    let text = path.display().to_string();
+                    self.dialog = Some(Dialog::Path { purpose, text, error: Some(message) });
+                }
+            }
+        }
+    }
+
+    fn with_path(&mut self, ctx: &egui::Context, purpose: Purpose, path: &Path) -> Result<(), String> {
+        match purpose {
+            Purpose::Open => return self.open(path),
+            Purpose::OpenRecording => return self.measurements.open(path, &self.session),
+            Purpose::AddMesh => {
+                if !path.is_file() {
+                    return Err(format!("{}: there is no such file", path.display()));
+                }
+                objects::add_file(&mut self.session, path);
+                return Ok(());
+            }
+            Purpose::SaveScene => self.session.save(path).map_err(|error| error.to_string())?,
+            Purpose::ExportCsv => {
+                let table = self.session.history.to_csv(self.preferences.curves.axis);
+                std::fs::write(path, table).map_err(|error| format!("{}: {error}", path.display()))?;
+            }
+            Purpose::ExportPng => export::window_png(ctx, path.to_owned()),
+        }
+        self.session.message = Some(Message::note(format!("written to {}", path.display())));
+        Ok(())
+    }
+
+    /// Opens whatever a path is.
+    pub(crate) fn open(&mut self, path: &Path) -> Result<(), String> {
+        let start = Start::from_path(path)?;
+        self.session.open_document(start.document, start.path);
+        self.waiting_recording = start.recording;
+        Ok(())
+    }
+
+    /// The curves of a run are compared with its own scene, which must be there first.
+    fn open_waiting_recording(&mut self) {
+        if !self.session.is_open() {
+            return;
+        }
+        if let Some(path) = self.waiting_recording.take()
+            && let Err(message) = self.measurements.open(&path, &self.session)
+        {
+            self.session.message = Some(Message::error(message));
+        }
+    }
+
+    fn dropped_files(&mut self, ctx: &egui::Context) {
+        let paths: Vec<PathBuf> =
+            ctx.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        for path in paths {
+            let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+            let opened = match extension.as_deref() {
+                Some("glb" | "gltf" | "obj" | "stl") => {
+                    objects::add_file(&mut self.session, &path);
+                    Ok(())
+                }
+                Some("csv" | "mcap") => self.measurements.open(&path, &self.session),
+                _ => self.open(&path),
+            };
+            if let Err(message) = opened {
+                self.session.message = Some(Message::error(message));
+            }
+        }
+    }
+
+    /// What is moved by hand has no place on the time of the trajectories.
+    fn follow_hand(&mut self) {
+        if self.moves != self.session.moves {
+            self.moves = self.session.moves;
+            self.preferences.curves.axis = TimeAxis::Session;
+        }
+    }
+
+    /// Asks for the next frame of the window where there is something to come.
+    fn keep_going(&mut self, ctx: &egui::Context) {
+        let computed = self.session.history.session().len();
+        if computed != self.computed_frames.0 {
+            self.computed_frames = (computed, Instant::now());
+        }
+        if self.session.transport.is_playing {
+            ctx.request_repaint();
+        }
+        let is_wanted = self.preferences.bars_at_rest && matches!(self.session.bars, Bars::Unknown);
+        if is_wanted && computed > 0 && self.session.is_settled() {
+            let rest = self.computed_frames.1.elapsed();
+            match REST.checked_sub(rest) {
+                Some(left) if !left.is_zero() => ctx.request_repaint_after(left),
+                _ => self.session.tell_bars(),
+            }
+        }
     }
 }
 
 impl eframe::App for ViewerApp {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
-        match &mut self.view {
-            View::Nothing => message(
-                ui,
-                "No run is open",
-                "Start the viewer with the folder of a run:  capsense-viewer capsense-out",
-            ),
-            View::Failed(text) => message(ui, "The run could not be opened", text),
-            View::Run(run) => run.ui(ui),
-        }
-    }
-}
-
-fn mesh_picture(ui: &mut Ui, mesh: &mut MeshView, orbit: &mut Orbit) {
-    ui.horizontal_wrapped(|ui| {
-        ui.strong("Mesh");
-        for group in mesh.groups_mut() {
-            let mut text = RichText::new(&group.name);
-            if !group.is_background() {
-                text = text.color(group.colour);
-            }
-            ui.checkbox(&mut group.visible, text);
-        }
-    });
-    ui.weak("drag: turn   right drag: move   scroll: zoom   double click: reset");
-    wireframe::show(ui, mesh, orbit);
-}
-
-fn message(ui: &mut Ui, heading: &str, text: &str) {
-    egui::CentralPanel::default().show(ui, |ui| {
-        ui.add_space(24.0);
-        ui.heading(heading);
-        ui.add_space(8.0);
-        ui.label(text);
-    });
-}
-
-/// One run on display.
-#[derive(Debug)]
-struct RunView {
-    name: String,
-    curves: Curves,
-    mesh: Result<MeshView, String>,
-    orbit: Orbit,
-    quantity: Quantity,
-    unit: Unit,
-    /// Whether each entry is drawn.
-    shown: Vec<bool>,
-    /// The curves in the quantity and unit for which they were last computed.
-    points: Vec<Vec<PlotPoint>>,
-    points_are_of: Option<(Quantity, Unit)>,
-}
-
-impl RunView {
-    fn new(name: String, data: ViewerData) -> Self {
-        let ViewerData { curves, mut mesh } = data;
-        // An electrode looks like the curve of its own capacitance.
-        for group in mesh.iter_mut().flat_map(MeshView::groups_mut) {
-            let own =
-                |e: &crate::curves::Entry| e.row == e.column && curves.electrodes()[e.row] == group.name;
-            if let Some(index) = curves.entries().iter().position(own) {
-                group.colour = wireframe::palette(index);
-            }
-        }
-        Self {
-            name,
-            shown: vec![true; curves.entries().len()],
-            curves,
-            mesh,
-            orbit: Orbit::default(),
-            quantity: Quantity::default(),
-            unit: Unit::default(),
-            points: Vec::new(),
-            points_are_of: None,
-        }
+        self.show(ui);
     }
 
-    fn ui(&mut self, ui: &mut Ui) {
-        egui::Panel::left("controls").default_size(190.0).show(ui, |ui| {
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.controls(ui));
-        });
-        let (mesh, orbit) = (&mut self.mesh, &mut self.orbit);
-        egui::Panel::right("mesh").default_size(420.0).show(ui, |ui| match mesh {
-            Ok(mesh) => mesh_picture(ui, mesh, orbit),
-            Err(reason) => {
-                ui.strong("Mesh");
-                ui.label("The mesh cannot be shown:");
-                ui.label(reason.as_str());
-            }
-        });
-        egui::CentralPanel::default().show(ui, |ui| self.plot(ui));
-    }
-
-    fn controls(&mut self, ui: &mut Ui) {
-        ui.add_space(4.0);
-        ui.strong(&self.name);
-        let frames = self.curves.time_s().len();
-        let electrodes = self.curves.electrodes().len();
-        ui.label(format!("{frames} {}", if frames == 1 { "frame" } else { "frames" }));
-        ui.label(format!("{electrodes} {}", if electrodes == 1 { "electrode" } else { "electrodes" }));
-        ui.label(format!("{:.2} ms a frame (median)", self.curves.median_frame_ms()));
-        ui.separator();
-        ui.horizontal(|ui| {
-            ui.radio_value(&mut self.quantity, Quantity::Change, "ΔC")
-                .on_hover_text("change since the first frame");
-            ui.radio_value(&mut self.quantity, Quantity::Absolute, "C")
-                .on_hover_text("entry of the Maxwell matrix");
-        });
-        ui.horizontal(|ui| {
-            ui.radio_value(&mut self.unit, Unit::Femtofarad, "fF");
-            ui.radio_value(&mut self.unit, Unit::Picofarad, "pF");
-        });
-        ui.separator();
-        ui.horizontal(|ui| {
-            ui.strong("Entries");
-            if ui.small_button("All").clicked() {
-                self.shown.fill(true);
-            }
-            if ui.small_button("None").clicked() {
-                self.shown.fill(false);
-            }
-        });
-        for (index, (entry, shown)) in self.curves.entries().iter().zip(&mut self.shown).enumerate() {
-            ui.checkbox(shown, RichText::new(&entry.label).color(wireframe::palette(index)));
-        }
-    }
-
-    fn plot(&mut self, ui: &mut Ui) {
-        let (quantity, unit) = (self.quantity, self.unit);
-        if self.points_are_of != Some((quantity, unit)) {
-            self.points = plot_points(&self.curves, quantity, unit)
-                .into_iter()
-                .map(|curve| curve.into_iter().map(PlotPoint::from).collect())
-                .collect();
-            self.points_are_of = Some((quantity, unit));
-        }
-        ui.strong(format!("{} in {} over time in s", quantity.symbol(), unit.symbol()));
-        let hover = move |at: &HoverPosition<'_>| {
-            Some(match at {
-                HoverPosition::NearDataPoint { plot_name, position, .. } => {
-                    format!(
-                        "{plot_name}\n{:.4} s\n{:.*} {}",
-                        position.x,
-                        unit.decimals(),
-                        position.y,
-                        unit.symbol()
-                    )
-                }
-                HoverPosition::Elsewhere { position } => {
-                    format!("{:.4} s\n{:.*} {}", position.x, unit.decimals(), position.y, unit.symbol())
-                }
-            })
-        };
-        // Each quantity and unit remembers its own zoom.
-        Plot::new(("curves", quantity, unit))
-            // Tenths get a number before they are as wide as the default asks for.
-            .custom_x_axes(vec![AxisHints::new_x().label_spacing(25.0..=50.0)])
-            .label_formatter(hover)
-            .show(ui, |plot| {
-                for (index, entry) in self.curves.entries().iter().enumerate().filter(|(i, _)| self.shown[*i])
-                {
-                    plot.line(
-                        Line::new(entry.label.as_str(), self.points[index].as_slice())
-                            .id(index)
-                            .color(wireframe::palette(index))
-                            .width(1.8),
-                    );
-                }
-            });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::path::Path;
-
-    #[test]
-    fn changes_are_since_the_first_frame_and_in_the_unit_asked_for() {
-        let text = "frame,time_s,C_A_A_F,changed_edges,iterations,geometry_ms,update_ms,solve_ms\n\
-                    0,0,2e-12,0,0,0,0,0\n1,0.5,2.25e-12,0,0,0,0,0\n";
-        let curves = Curves::parse(text.as_bytes(), Path::new("x.csv")).unwrap();
-        let points = |quantity, unit| plot_points(&curves, quantity, unit);
-        let near = |got: Vec<Vec<[f64; 2]>>, want: [[f64; 2]; 2]| {
-            assert_eq!(got.len(), 1);
-            for (g, w) in got[0].iter().zip(want) {
-                assert!((g[0] - w[0]).abs() < 1e-12 && (g[1] - w[1]).abs() < 1e-9, "{g:?} {w:?}");
-            }
-        };
-        near(points(Quantity::Absolute, Unit::Picofarad), [[0.0, 2.0], [0.5, 2.25]]);
-        near(points(Quantity::Change, Unit::Femtofarad), [[0.0, 0.0], [0.5, 250.0]]);
+    fn save(&mut self, storage: &mut dyn eframe::Storage) {
+        eframe::set_value(storage, PREFERENCES, &self.preferences);
     }
 }

@@ -1,272 +1,289 @@
-//! The window, drawn without a display on whatever Vulkan driver there is, and the command's answer to bad input.
-//!
-//! The pictures in `tests/snapshots` are written by `UPDATE_SNAPSHOTS=true cargo test --workspace`.
+//! The window as a whole, drawn without a display, and the command's answers to bad input.
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+mod common;
+
 use capsense::Scene;
 use capsense::run_folder::{CURVES_FILE, REPORT_FILE, RunOrigin};
-use capsense_core::geometry::Aabb;
-use capsense_core::mesh::Lattice;
-use capsense_viewer::app::{Content, ViewerApp};
-use capsense_viewer::curves::Curves;
-use capsense_viewer::wireframe::MeshView;
-use capsense_viewer::{ViewerData, load_run};
-use egui_kittest::kittest::{NodeT, Queryable};
-use egui_kittest::{Harness, SnapshotOptions};
+use capsense_viewer::app::ViewerApp;
+use capsense_viewer::history::TimeAxis;
+use capsense_viewer::session::Severity;
+use capsense_viewer::start::Start;
+use common::{SCENE, preferences, settle, start, until, window};
+use egui::{Event, Key, Modifiers};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
 use glam::DVec3;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
-/// Three electrodes; every entry dips like a bell of its own depth while something passes.
-fn small_run() -> String {
-    let mut text = "frame,time_s".to_owned();
-    let pairs = [(1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
-    for (a, b) in pairs {
-        write!(text, ",C_E{a}_E{b}_F").unwrap();
+const SIZE: [f32; 2] = [1200.0, 800.0];
+
+fn ready(text: &str) -> Harness<'static, ViewerApp> {
+    let mut harness = window(start(text), preferences(), SIZE);
+    settle(&mut harness);
+    harness
+}
+
+fn press(harness: &mut Harness<'_, ViewerApp>, modifiers: Modifiers, key: Key) {
+    harness.key_press_modifiers(modifiers, key);
+    harness.run_steps(2);
+}
+
+/// A file that is dropped on the window.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
     }
-    text += ",changed_edges,iterations,geometry_ms,update_ms,solve_ms\n";
-    for frame in 0..61 {
-        let time = f64::from(frame) / 60.0;
-        write!(text, "{frame},{time}").unwrap();
-        for (k, (a, b)) in pairs.into_iter().enumerate() {
-            let base = if a == b { 4e-12 } else { -0.8e-12 / f64::from(b - a) };
-            let bell = 1.0 / (1.0 + ((time - 0.3 - 0.08 * k as f64) / 0.1).powi(2));
-            let depth = if a == b { 4e-14 } else { 2e-14 };
-            write!(text, ",{:e}", base + depth * (1.0 + 0.3 * k as f64) * bell).unwrap();
-        }
-        writeln!(text, ",{},3,0.2,0.1,0.4", 40 * frame).unwrap();
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
     }
-    text
 }
 
-fn stripes() -> MeshView {
-    let domain = Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3::new(0.25, 0.25, 0.45) };
-    let mesh = Lattice::uniform(domain, [20, 20, 10]).unwrap().to_tet_mesh().unwrap();
-    let terminal = mesh
-        .nodes()
-        .iter()
-        .map(|p| {
-            let on_wall = (0..3).any(|k| p[k] == domain.min[k] || p[k] == domain.max[k]);
-            let electrode = (0..3).find(|&k| (p.x - 0.075 * (f64::from(k) - 1.0)).abs() < 0.03);
-            match electrode {
-                _ if on_wall => Some(0),
-                Some(k) if p.z.abs() < 1e-9 && p.y.abs() < 0.11 => Some(1 + k as usize),
-                _ => None,
-            }
-        })
-        .collect();
-    MeshView::from_mesh(&mesh, terminal).unwrap().with_terminal_names(&["ground", "E1", "E2", "E3"])
-}
-
-fn harness(content: Content) -> Harness<'static, ViewerApp> {
-    Harness::builder()
-        .with_size([1000.0, 560.0])
-        .with_pixels_per_point(1.0)
-        .with_theme(egui::Theme::Dark)
-        .wgpu()
-        .build_eframe(move |_| ViewerApp::new(content.clone()))
-}
-
-fn run_content(mesh: Result<MeshView, String>) -> Content {
-    let curves = Curves::parse(small_run().as_bytes(), Path::new("small.csv")).unwrap();
-    Content::Run { name: "small".into(), data: Box::new(ViewerData { curves, mesh }) }
-}
-
-/// Drivers round differently: a few hundred pixels on the edges of lines and letters may differ.
-fn options() -> SnapshotOptions {
-    SnapshotOptions::new().threshold(1.0).max_failed_pixels(400)
+fn drop_file(harness: &mut Harness<'_, ViewerApp>, path: &Path) {
+    harness.input_mut().dropped_files.push(Arc::new(Dropped(path.to_owned())));
+    harness.run_steps(2);
 }
 
 #[test]
-fn curves_and_mesh_are_shown() {
-    let mut harness = harness(run_content(Ok(stripes())));
-    harness.run_steps(6);
-    for entry in ["E1–E1", "E1–E2", "E1–E3", "E2–E2", "E2–E3", "E3–E3"] {
-        harness.get_by_label(entry);
+fn the_window_begins_with_the_scene_and_its_curves() {
+    let mut harness = ready(SCENE);
+    for label in ["ball", "bar", "Curves", "Matrix", "Performance", "Objects", "Simulation"] {
+        assert!(harness.get_all_by_label(label).count() > 0, "{label}");
     }
-    for label in ["61 frames", "3 electrodes", "0.70 ms a frame (median)", "ground", "E1", "E2", "E3"] {
-        harness.get_by_label(label);
-    }
-    harness.get_by_label_contains("Mesh picture");
-    harness.snapshot_options("curves_and_mesh", &options());
+    assert_eq!(harness.state().session.history.electrodes(), ["E1", "E2"]);
+    press(&mut harness, Modifiers::NONE, Key::R);
+    until(&mut harness, |app| app.session.history.samples(TimeAxis::Scene).len() == 21);
 }
 
 #[test]
-fn entries_quantity_and_unit_can_be_chosen() {
-    let mut harness = harness(run_content(Err("no file report.json".to_owned())));
-    harness.run_steps(4);
-    harness.get_by_label("ΔC in fF over time in s");
-    harness.get_by_label("The mesh cannot be shown:");
-    harness.get_by_label("no file report.json");
-    let before = harness.render().unwrap();
-    harness.get_by_label("None").click();
-    harness.run_steps(4);
-    let checked = |harness: &Harness<'_, ViewerApp>, label: &str| {
-        harness.get_by_label(label).accesskit_node().toggled() == Some(egui::accesskit::Toggled::True)
+fn keys_move_the_selected_object_and_the_capacitance_follows() {
+    let mut harness = ready(SCENE);
+    let c11 = |harness: &Harness<'_, ViewerApp>| {
+        harness.state().session.last.as_ref().unwrap().frame.capacitance.get(0, 0)
     };
-    assert!(!checked(&harness, "E1–E2"));
-    assert!(harness.render().unwrap() != before, "no curve is left");
-    harness.get_by_label("E1–E2").click();
-    harness.get_by_label("C").click();
-    harness.get_by_label("pF").click();
-    harness.run_steps(4);
-    assert!(checked(&harness, "E1–E2") && !checked(&harness, "E1–E1"));
-    harness.get_by_label("C in pF over time in s");
+    let before = c11(&harness);
+    harness.get_by_label("bar").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().session.selected, Some(1));
+    for _ in 0..3 {
+        press(&mut harness, Modifiers::ALT | Modifiers::SHIFT, Key::PageDown);
+    }
+    press(&mut harness, Modifiers::ALT, Key::ArrowRight);
+    settle(&mut harness);
+    let pose = harness.state().session.poses()[1];
+    assert!((pose.translation - DVec3::new(-0.099, 0.0, 0.05)).length() < 1e-12, "{pose:?}");
+    assert!(c11(&harness) > before, "a grounded bar that comes nearer adds capacitance");
+    // What is saved rests where it was left.
+    let saved = harness.state().session.document_to_save();
+    assert!(saved.text().starts_with("# A comment of the user."));
+    let scene = saved.scene().unwrap();
+    assert_eq!(scene.objects[1].motion.pose_at(1.0), pose);
+    harness.get_by_label("follow it again").click();
+    settle(&mut harness);
+    let back = c11(&harness);
+    assert!((back / before - 1.0).abs() < 1e-4, "at the same pose: {before:e} and {back:e}");
 }
 
 #[test]
-fn the_mesh_turns_with_the_pointer_and_its_parts_can_be_hidden() {
-    let mut harness = harness(run_content(Ok(stripes())));
-    harness.run_steps(4);
-    let first = harness.render().unwrap();
-    let middle = harness.get_by_label_contains("Mesh picture").rect().center();
-    harness.hover_at(middle);
-    harness.run_steps(1);
-    harness.drag_at(middle);
+fn a_change_that_cannot_be_simulated_leaves_the_last_good_scene() {
+    let mut harness = ready(SCENE);
+    let app = harness.state_mut();
+    app.session.edit(|document| document.set_tolerance(-1.0));
+    until(&mut harness, |app| app.session.message.is_some());
+    let session = &harness.state().session;
+    let message = session.message.clone().unwrap();
+    assert_eq!(message.severity, Severity::Error);
+    assert!(message.text.contains("solver.tolerance"), "{message:?}");
+    assert_eq!(session.open.as_ref().unwrap().scene.solver.tolerance, 1e-4);
+    assert!(session.document_to_save().scene().is_ok(), "what failed is not saved either");
+    let samples = session.history.session().len();
+    harness.state_mut().session.transport.seek(5);
+    until(&mut harness, |app| app.session.history.session().len() > samples);
+    harness.get_by_label("dismiss").click();
     harness.run_steps(2);
-    harness.hover_at(middle + egui::vec2(60.0, 20.0));
-    harness.run_steps(2);
-    harness.drop_at(middle + egui::vec2(60.0, 20.0));
-    harness.run_steps(2);
-    let turned = harness.render().unwrap();
-    let changed = differing(first.as_raw(), turned.as_raw());
-    assert!(changed > 1000, "{changed} pixels differ");
-    let edges = |harness: &Harness<'_, ViewerApp>| {
-        harness.get_by_label_contains("Mesh picture").accesskit_node().label()
-    };
-    let all = edges(&harness);
-    harness.get_by_label("ground").click();
-    harness.run_steps(2);
-    assert_ne!(edges(&harness), all);
-}
-
-/// Pixels that are not the same in two pictures of four bytes a pixel.
-fn differing(a: &[u8], b: &[u8]) -> usize {
-    a.chunks_exact(4).zip(b.chunks_exact(4)).filter(|(p, q)| p != q).count()
+    assert!(harness.state().session.message.is_none());
 }
 
 #[test]
-fn a_run_that_cannot_be_read_and_no_run_at_all_give_a_message() {
-    let error = load_run(Path::new("no/such/run")).unwrap_err().to_string();
-    let mut failed = harness(Content::Failed(error));
-    failed.run_steps(2);
-    failed.get_by_label("The run could not be opened");
-    failed.get_by_label_contains("no/such/run");
-    let mut nothing = harness(Content::Nothing);
-    nothing.run_steps(2);
-    nothing.get_by_label("No run is open");
-}
-
-#[test]
-fn a_folder_and_a_file_are_the_same_run() {
+fn files_that_are_dropped_are_opened_or_told_of() {
+    let root = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets"));
+    let mut harness = ready(SCENE);
+    drop_file(&mut harness, &root.join("objects/hand.glb"));
+    until(&mut harness, |app| app.session.open.as_ref().is_some_and(|open| open.scene.objects.len() == 3));
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("capacitance.csv");
-    std::fs::write(&file, small_run()).unwrap();
-    assert_eq!(load_run(folder.path()).unwrap(), load_run(&file).unwrap());
+    for (name, bytes, told) in [
+        ("bad.toml", &b"[mesh\n"[..], "bad.toml:1"),
+        ("bad.stl", b"solid nothing", "bad.stl"),
+        ("bad.csv", b"\xff\xfe\x00", "bad.csv"),
+        ("bad.mcap", b"no recording", "bad.mcap"),
+        ("bad.exe", b"", "bad.exe"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        harness.state_mut().session.message = None;
+        drop_file(&mut harness, &path);
+        until(&mut harness, |app| app.session.message.is_some());
+        let message = harness.state().session.message.clone().unwrap();
+        assert!(message.text.contains(told), "{name}: {message:?}");
+        assert_eq!(harness.state().session.open.as_ref().unwrap().scene.objects.len(), 3, "{name}");
+    }
+    drop_file(&mut harness, &root.join("scenes/sphere_floating.toml"));
+    until(&mut harness, |app| app.session.history.electrodes().len() == 3);
 }
 
-/// A scene with the electrodes of [`small_run`].
-const SCENE: &str = r#"
-mesh.generate = { elements = 5000 }
-sensor.electrode = [
-    { name = "E1", rectangle = { center = [-0.06, 0.0], size = [0.04, 0.1] } },
-    { name = "E2", rectangle = { center = [0.0, 0.0], size = [0.04, 0.1] } },
-    { name = "E3", rectangle = { center = [0.06, 0.0], size = [0.04, 0.1] } },
-]
-"#;
+#[test]
+fn curves_are_exported_to_the_path_that_is_given() {
+    let mut harness = ready(SCENE);
+    press(&mut harness, Modifiers::COMMAND, Key::E);
+    harness.get_by_label("Export the curves as CSV");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("curves.csv");
+    press(&mut harness, Modifiers::COMMAND, Key::A);
+    harness.event(Event::Text(path.display().to_string()));
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.starts_with("frame,time_s,C_E1_E1_F,C_E1_E2_F,C_E2_E2_F,changed_edges"), "{text}");
+    harness.get_by_label_contains("written to");
+    // A folder that is not there is told of in the dialog, which stays.
+    press(&mut harness, Modifiers::COMMAND, Key::E);
+    press(&mut harness, Modifiers::COMMAND, Key::A);
+    harness.event(Event::Text("no/such/folder/x.csv".to_owned()));
+    harness.run_steps(2);
+    press(&mut harness, Modifiers::NONE, Key::Enter);
+    harness.get_by_label_contains("no/such/folder/x.csv:");
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(harness.query_by_label("Export the curves as CSV").is_none());
+}
+
+#[test]
+fn keys_list_shortcuts_and_fold_panels() {
+    let mut harness = ready(SCENE);
+    harness.event(Event::Text("?".to_owned()));
+    harness.run_steps(2);
+    harness.get_by_label("Keyboard shortcuts");
+    press(&mut harness, Modifiers::NONE, Key::Escape);
+    assert!(harness.query_by_label("Keyboard shortcuts").is_none());
+    press(&mut harness, Modifiers::NONE, Key::Num2);
+    assert!(harness.query_by_label("Curves").is_none());
+    assert!(!harness.state().preferences.panels.curves);
+    press(&mut harness, Modifiers::NONE, Key::ArrowRight);
+    assert_eq!(harness.state().session.transport.frame(), 1);
+    press(&mut harness, Modifiers::NONE, Key::Space);
+    assert!(harness.state().session.transport.is_playing);
+}
 
 /// The folder of a run of [`SCENE`], which lies beside it.
-fn run_folder(folder: &Path) -> (PathBuf, PathBuf) {
+fn run_folder(folder: &Path) -> PathBuf {
     let (scene_file, run) = (folder.join("scene.toml"), folder.join("run"));
     std::fs::write(&scene_file, SCENE).unwrap();
     std::fs::create_dir(&run).unwrap();
-    std::fs::write(run.join(CURVES_FILE), small_run()).unwrap();
     let scene = Scene::load(&scene_file).unwrap();
+    let mut text = "frame,time_s,C_E1_E1_F,C_E1_E2_F,C_E2_E2_F,changed_edges,iterations\n".to_owned();
+    for frame in 0..21 {
+        text += &format!(
+            "{frame},{},{}e-12,-1e-13,4e-12,0,1\n",
+            0.1 * f64::from(frame),
+            4.0 + 0.001 * f64::from(frame)
+        );
+    }
+    std::fs::write(run.join(CURVES_FILE), text).unwrap();
     let origin = RunOrigin::new(&scene, Some(&scene_file), scene.build_sensor().unwrap().mesh()).unwrap();
     std::fs::write(run.join(REPORT_FILE), serde_json::to_vec(&origin).unwrap()).unwrap();
-    (run, scene_file)
+    run
 }
 
 #[test]
-fn the_mesh_comes_from_the_scene_that_the_report_names() {
+fn a_run_is_its_scene_with_its_curves_beside() {
     let folder = tempfile::tempdir().unwrap();
-    let (run, _) = run_folder(folder.path());
-    let data = load_run(&run).unwrap();
-    let groups: Vec<_> = data.mesh.as_ref().unwrap().groups().iter().map(|g| g.name.as_str()).collect();
-    assert_eq!(groups, ["ground", "E1", "E2", "E3"]);
-    let mut harness = harness(Content::Run { name: "run".into(), data: Box::new(data) });
-    harness.run_steps(4);
-    for label in ["ground", "E1", "E2", "E3", "61 frames"] {
-        harness.get_by_label(label);
-    }
-    harness.get_by_label_contains("Mesh picture");
-}
-
-#[test]
-fn without_its_scene_a_run_still_shows_its_curves_and_says_why_there_is_no_mesh() {
-    let folder = tempfile::tempdir().unwrap();
-    let (run, scene_file) = run_folder(folder.path());
-    let reason = || load_run(&run).unwrap().mesh.unwrap_err();
-    let write = |text: String| std::fs::write(&scene_file, text).unwrap();
-    write(SCENE.replace("elements = 5000", "elements = 50000"));
-    assert!(reason().contains("has changed since"), "{}", reason());
-    write(SCENE.replace("\"E3\"", "\"E4\""));
-    assert!(reason().contains("other electrodes"), "{}", reason());
-    write(SCENE.replace("elements", "element"));
-    assert!(reason().contains("scene.toml:2: mesh.generate.element"), "{}", reason());
-    std::fs::remove_file(&scene_file).unwrap();
-    assert!(reason().contains("scene.toml is not there any more"), "{}", reason());
-
-    let data = load_run(&run).unwrap();
-    let mut harness = harness(Content::Run { name: "run".into(), data: Box::new(data) });
-    harness.run_steps(4);
-    harness.get_by_label("E1–E2");
-    harness.get_by_label("61 frames");
-    harness.get_by_label("The mesh cannot be shown:");
-    harness.get_by_label_contains("scene.toml is not there any more");
-    assert!(harness.query_by_label_contains("Mesh picture").is_none());
-
+    let run = run_folder(folder.path());
+    let start = Start::from_path(&run).unwrap();
+    assert_eq!(start.path.as_deref(), Some(folder.path().join("scene.toml").as_path()));
+    let mut harness = window(start, preferences(), SIZE);
+    settle(&mut harness);
+    assert_eq!(harness.state().measurements.overlays(TimeAxis::Scene).len(), 3);
+    std::fs::remove_file(folder.path().join("scene.toml")).unwrap();
+    assert!(Start::from_path(&run).unwrap_err().contains("scene.toml"));
     std::fs::remove_file(run.join(REPORT_FILE)).unwrap();
-    assert!(reason().contains(REPORT_FILE), "{}", reason());
+    assert!(Start::from_path(&run).unwrap_err().contains(REPORT_FILE));
+}
+
+fn viewer() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"));
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    command
 }
 
 #[test]
 fn the_command_answers_bad_input_with_code_2_and_a_message_that_names_the_place() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("capacitance.csv");
-    std::fs::write(&file, small_run().replacen(",4", ",oops", 1)).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"))
-        .arg(folder.path())
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, SCENE.replace("elements", "element")).unwrap();
+    let picture = folder.path().join("picture.png");
+    for arguments in [vec![], vec!["--screenshot".as_ref(), picture.as_os_str()]] {
+        let output = viewer().arg(&file).args(arguments).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(message.contains("scene.toml:2: mesh.generate.element"), "{message}");
+        assert!(!message.contains("panicked"), "{message}");
+    }
+    assert!(!picture.exists());
+}
+
+#[test]
+fn pictures_need_no_display() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, picture) = (folder.path().join("scene.toml"), folder.path().join("picture.png"));
+    std::fs::write(&file, SCENE).unwrap();
+    let draw = |frame: &str| {
+        let mut command = viewer();
+        command.arg("--screenshot").arg(&picture).args(["--frame", frame, "--size", "900", "600"]).arg(&file);
+        command.output().unwrap()
+    };
+    let output = draw("7");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let pixels = image::open(&picture).unwrap().to_rgba8();
+    assert_eq!(pixels.dimensions(), (900, 600));
+    let first = *pixels.get_pixel(0, 0);
+    let others = pixels.pixels().filter(|pixel| **pixel != first).count();
+    assert!(others > 50_000, "{others} pixels are not ground");
+    let output = draw("21");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("frames 0 to 20"), "{message}");
+}
+
+#[test]
+fn without_a_graphics_driver_the_command_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = viewer()
+        .arg("--screenshot")
+        .arg(folder.path().join("picture.png"))
+        // The interface of another operating system finds nothing here.
+        .env("WGPU_BACKEND", if cfg!(windows) { "metal" } else { "dx12" })
         .output()
         .unwrap();
     let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{message}");
-    assert!(message.contains(&file.display().to_string()), "{message}");
-    assert!(message.contains("line 2, column 3 (`C_E1_E1_F`)"), "{message}");
-    assert!(!message.contains("panicked"), "{message}");
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("no graphics adapter"), "{message}");
+    assert!(message.contains("mesa-vulkan-drivers"), "{message}");
 }
 
 #[test]
 fn the_readme_calls_the_viewer_as_it_is() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::create_dir(folder.path().join("capsense-out")).unwrap();
-    std::fs::write(folder.path().join("capsense-out").join(CURVES_FILE), small_run()).unwrap();
-    let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../../README.md");
-    let readme = std::fs::read_to_string(readme).unwrap();
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let readme = std::fs::read_to_string(format!("{root}/README.md")).unwrap();
     let calls: Vec<_> = readme.lines().filter_map(|line| line.strip_prefix("capsense-viewer ")).collect();
     assert!(!calls.is_empty());
     for call in calls {
-        let output = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"))
-            .args(call.split_whitespace())
-            .current_dir(folder.path())
-            .env_remove("DISPLAY")
-            .env_remove("WAYLAND_DISPLAY")
-            .output()
-            .unwrap();
+        let output = viewer().args(call.split_whitespace()).current_dir(root).output().unwrap();
         let message = String::from_utf8_lossy(&output.stderr);
         // Everything but the display is there.
         assert_eq!(output.status.code(), Some(1), "{message}");
