@@ -32,6 +32,7 @@
 #![forbid(unsafe_code)]
 
 pub mod error_bars;
+pub mod evidence;
 pub mod gmsh;
 pub mod motion;
 pub mod pipeline;

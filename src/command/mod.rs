@@ -18,6 +18,7 @@ mod replay;
 mod report;
 mod run;
 mod solve;
+mod stress;
 mod text;
 
 use capsense::{PipelineError, Scene, SceneError};
@@ -37,6 +38,7 @@ enum Command {
     Run(run::RunArguments),
     Solve(solve::SolveArguments),
     Mesh(mesh::MeshArguments),
+    Stress(stress::StressArguments),
     Ports(ports::PortsArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
@@ -51,6 +53,7 @@ impl Arguments {
             Command::Run(arguments) => run::run(&arguments),
             Command::Solve(arguments) => solve::solve(&arguments),
             Command::Mesh(arguments) => mesh::mesh(&arguments),
+            Command::Stress(arguments) => stress::stress(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
             Command::Record(arguments) => record::record(&arguments),
             Command::Replay(arguments) => replay::replay(&arguments),

@@ -148,6 +148,11 @@ fn permittivities_that_rounding_hides_are_told() {
         assert!(rounding > 3.0 * tolerance && error.to_string().contains("floating conductor"), "{error}");
         assert!(new(permittivity, rounding).is_ok());
     }
+    for permittivity in [1e-3, 1e5] {
+        let options = SolverOptions { preconditioner: Preconditioner::None, ..to(1e-6) };
+        let error = Simulator::new(sensor.clone(), vec![dielectric(permittivity)], options).unwrap_err();
+        assert_eq!(error, SimulatorError::Unpreconditioned { object: 0, permittivity });
+    }
 }
 
 /// Those that need a mesh out of the ordinary; tests/sensor.rs has the others.

@@ -19,9 +19,12 @@ const ALIKE: f64 = 0.5;
 /// What edges say of one body.
 #[derive(Default)]
 struct Seen {
-    /// Edges that pass through it as a whole, and that leave it.
-    through: usize,
-    leaving: usize,
+    /// Whether any edge meets it.
+    is_met: bool,
+    /// What edges that pass through it as a whole stand for, and those that leave it: w d². Diagonals of Kuhn tetrahedra
+    /// carry nothing, and stand for nothing.
+    through: f64,
+    leaving: f64,
     /// The body's volume, as the parts of edges along each axis tell: an edge of weight w and extent d stands for w d².
     volumes: DVec3,
 }
@@ -29,12 +32,7 @@ struct Seen {
 impl Seen {
     /// Whether most edges that meet the body have no room in it, or see it thicker or thinner across than along it.
     fn is_thin(&self) -> bool {
-        2 * self.through > self.through + self.leaving
-            || self.volumes.min_element() < ALIKE * self.volumes.max_element()
-    }
-
-    fn is_nothing(&self) -> bool {
-        self.through + self.leaving == 0 && self.volumes == DVec3::ZERO
+        self.through > self.leaving || self.volumes.min_element() < ALIKE * self.volumes.max_element()
     }
 }
 
@@ -62,8 +60,8 @@ pub(crate) fn unresolved(
             {
                 false
             }
-            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && seen.is_nothing(),
-            _ => is_inside && seen.is_nothing() || seen.is_thin(),
+            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && !seen.is_met,
+            _ => is_inside && !seen.is_met || seen.is_thin(),
         }
     };
     (0..surfaces.objects()).filter(|&object| is_unresolved(object)).collect()
@@ -74,12 +72,14 @@ fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, ob
     mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| {
         let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
         let Some(span) = surfaces.span(object, a, b) else { return };
+        let weight = weights[edge].max(0.0);
+        seen.is_met = true;
         match [a, b].map(|end| surfaces.contains(object, end)) {
-            [false, false] => seen.through += 1,
+            [false, false] => seen.through += weight * a.distance_squared(b),
             [true, true] => {}
-            _ => seen.leaving += 1,
+            _ => seen.leaving += weight * a.distance_squared(b),
         }
-        seen.volumes += weights[edge].max(0.0) * (span.exit - span.enter) * (b - a) * (b - a);
+        seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
     });
     seen
 }
