@@ -187,6 +187,14 @@ impl Pipeline {
         Ok(())
     }
 
+    /// Objects that the mesh is too coarse for in the last frame, as [`Simulator::unresolved`] tells.
+    pub fn unresolved(&self) -> Vec<usize> {
+        match &self.eye {
+            Eye::Camera(camera) => self.simulator.unresolved(&camera.layers),
+            Eye::Solids(solids) => self.simulator.unresolved(solids),
+        }
+    }
+
     /// The simulator in the state of the last frame.
     pub fn simulator(&self) -> &Simulator {
         &self.simulator

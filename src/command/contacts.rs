@@ -1,24 +1,35 @@
-//! Warnings about conductors that touch electrodes.
+//! Warnings about conductors that touch electrodes, and about objects that the mesh is too coarse for.
 
 use capsense::core::occupancy::Contact;
 use capsense::{Pipeline, Scene};
 use std::collections::BTreeMap;
 
-/// Which objects touched which electrodes so far, and in which frame first.
+/// Frames from one look for unresolved objects to the next: it is not free, and objects that are thin stay thin.
+const BETWEEN_LOOKS: usize = 64;
+
+/// Which objects touched which electrodes so far, which were not resolved, and in which frame first.
 #[derive(Debug, Default)]
 pub(super) struct ContactLog {
     first_frames: BTreeMap<Contact, usize>,
+    first_unresolved: BTreeMap<usize, usize>,
+    noted: usize,
 }
 
 impl ContactLog {
-    /// Notes the contacts of the frame computed last.
+    /// Notes the contacts, and now and then the unresolved objects, of the frame computed last.
     pub(super) fn note(&mut self, frame: usize, pipeline: &Pipeline) {
         for &contact in pipeline.simulator().contacts() {
             self.first_frames.entry(contact).or_insert(frame);
         }
+        if self.noted.is_multiple_of(BETWEEN_LOOKS) {
+            for object in pipeline.unresolved() {
+                self.first_unresolved.entry(object).or_insert(frame);
+            }
+        }
+        self.noted += 1;
     }
 
-    /// One warning for each contact.
+    /// One warning for each contact and each unresolved object.
     pub(super) fn warnings(&self, scene: &Scene) -> Vec<String> {
         let warning = |(contact, frame): (&Contact, &usize)| {
             format!(
@@ -29,7 +40,16 @@ impl ContactLog {
                 scene.electrodes[contact.electrode]
             )
         };
-        self.first_frames.iter().map(warning).collect()
+        let unresolved = |(&object, frame): (&usize, &usize)| {
+            format!(
+                "{}: in frame {frame} object `{}` is too thin or too small for the mesh: what it does is missing in the \
+                 capacitances, and error bars do not show it",
+                scene.source.file(),
+                scene.objects[object].name
+            )
+        };
+        let contacts = self.first_frames.iter().map(warning);
+        contacts.chain(self.first_unresolved.iter().map(unresolved)).collect()
     }
 }
 

@@ -21,6 +21,7 @@ mod replay;
 mod report;
 mod run;
 mod solve;
+mod stress;
 mod text;
 
 use capsense::curve_table::CurveTableError;
@@ -43,6 +44,7 @@ enum Command {
     Mesh(mesh::MeshArguments),
     Chart(chart::ChartArguments),
     Compare(compare::CompareArguments),
+    Stress(stress::StressArguments),
     Ports(ports::PortsArguments),
     Record(record::RecordArguments),
     Replay(replay::ReplayArguments),
@@ -59,6 +61,7 @@ impl Arguments {
             Command::Mesh(arguments) => mesh::mesh(&arguments),
             Command::Chart(arguments) => chart::chart(&arguments),
             Command::Compare(arguments) => compare::compare(&arguments),
+            Command::Stress(arguments) => stress::stress(&arguments),
             Command::Ports(arguments) => ports::ports(&arguments),
             Command::Record(arguments) => record::record(&arguments),
             Command::Replay(arguments) => replay::replay(&arguments),

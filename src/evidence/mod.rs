@@ -1,4 +1,4 @@
-//! Evidence from real runs: how fast and how exact each method is on the same moving bar.
+//! Evidence from real runs: how fast and how exact each method is on the same moving bar, and where it fails ([`stress`]).
 //!
 //! [`stage`] is what all methods are measured on, [`reference`](mod@reference) what their capacitances are compared with,
 //! [`setting`] how a method can be set, [`ladder`] which settings are measured, [`measure`](mod@measure) the measurement of one, [`table`]
@@ -14,6 +14,7 @@ pub mod published;
 pub mod reference;
 pub mod setting;
 pub mod stage;
+pub mod stress;
 pub mod table;
 pub mod timing;
 

@@ -132,6 +132,7 @@ pub(super) fn locate(source: &Source, names: &[String], error: &SensorError) -> 
         | SensorError::OutsideDomain(name)
         | SensorError::TouchesWall(name)
         | SensorError::OwnsNoNode(name)
+        | SensorError::Alone(name)
         | SensorError::SharedNode { second: name, .. }
         | SensorError::NodeOutOfRange { name, .. } => electrode(name),
         SensorError::Substrate(_) => "sensor.substrate".to_owned(),

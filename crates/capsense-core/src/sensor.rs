@@ -83,7 +83,7 @@ impl Sensor {
                 sensor.mesh.nodes().iter().map(|&node| design.is_on_wall(node)).collect();
             sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
         }
-        check_reachable(&sensor.mesh, &sensor.owners)?;
+        sensor.check_reachable()?;
         Ok(sensor)
     }
 
@@ -141,7 +141,7 @@ impl Sensor {
         if wall == Wall::Open {
             sensor.open(&outer);
         }
-        check_reachable(&sensor.mesh, &sensor.owners)?;
+        sensor.check_reachable()?;
         Ok(sensor)
     }
 
@@ -257,6 +257,21 @@ impl Sensor {
         self.rim.extend(links);
     }
 
+    /// Each part of the mesh needs a terminal, and, unless that is ground or the wall is open, another one.
+    fn check_reachable(&self) -> Result<(), SensorError> {
+        for (node, terminal, has_another) in terminals_of_parts(&self.mesh, &self.owners) {
+            let Some(terminal) = terminal else {
+                let position = self.mesh.nodes()[node as usize].to_array();
+                return Err(SensorError::NoGroundReachable { node, position });
+            };
+            if terminal != GROUND && !has_another && self.open_wall.is_none() {
+                let name = self.electrode_names[usize::from(terminal) - 1].clone();
+                return Err(SensorError::Alone(name));
+            }
+        }
+        Ok(())
+    }
+
     fn claim(&mut self, terminal: Terminal, name: &str, nodes: &[u32]) -> Result<(), SensorError> {
         if nodes.is_empty() {
             return Err(SensorError::OwnsNoNode(name.to_owned()));
@@ -367,8 +382,8 @@ fn nodes_where(mesh: &TetMesh, holds: impl Fn(DVec3) -> bool) -> Vec<u32> {
     mesh.nodes().iter().zip(0..).filter(|(node, _)| holds(**node)).map(|(_, index)| index).collect()
 }
 
-/// Spreads from all nodes that have an owner along elements and looks for nodes that were not reached.
-fn check_reachable(mesh: &TetMesh, terminals: &[Terminal]) -> Result<(), SensorError> {
+/// A terminal of each part of a mesh, and whether there is another.
+fn terminals_of_parts(mesh: &TetMesh, terminals: &[Terminal]) -> Vec<(u32, Option<Terminal>, bool)> {
     let mut parent: Vec<u32> = (0..mesh.nodes().len() as u32).collect();
     fn root(parent: &mut [u32], mut node: u32) -> u32 {
         while parent[node as usize] != node {
@@ -384,14 +399,20 @@ fn check_reachable(mesh: &TetMesh, terminals: &[Terminal]) -> Result<(), SensorE
             parent[other as usize] = first;
         }
     }
-    let mut grounded = vec![false; parent.len()];
-    for (node, &terminal) in terminals.iter().enumerate() {
-        if terminal != FREE {
-            let root = root(&mut parent, node as u32);
-            grounded[root as usize] = true;
+    let mut place_of = vec![usize::MAX; parent.len()];
+    let mut parts: Vec<(u32, Option<Terminal>, bool)> = Vec::new();
+    for (node, &terminal) in (0..).zip(terminals) {
+        let place = &mut place_of[root(&mut parent, node) as usize];
+        if *place == usize::MAX {
+            *place = parts.len();
+            parts.push((node, None, false));
+        }
+        let (_, first, has_another) = &mut parts[*place];
+        match *first {
+            _ if terminal == FREE => {}
+            None => *first = Some(terminal),
+            Some(first) => *has_another |= first != terminal,
         }
     }
-    let lost = (0..parent.len() as u32).find(|&node| !grounded[root(&mut parent, node) as usize]);
-    let position = |node: u32| mesh.nodes()[node as usize].to_array();
-    lost.map_or(Ok(()), |node| Err(SensorError::NoGroundReachable { node, position: position(node) }))
+    parts
 }

@@ -5,11 +5,11 @@
 mod common;
 
 use capsense_core::geometry::Aabb;
-use capsense_core::glam::DVec3;
-use capsense_core::material::{Connection, Material};
+use capsense_core::glam::{DVec2, DVec3};
+use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::{InvalidAxis, Lattice, MeshError};
 use capsense_core::occupancy::DepthLayers;
-use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorError};
+use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError, Substrate};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::{Preconditioner, SolveError, SolverOptions};
 use common::{
@@ -70,15 +70,20 @@ fn too_few_iterations_are_told_with_the_error_they_leave() {
     }
 }
 
-/// The weights of edges that a dielectric thins fall, those that obtuse angles make negative stay.
+/// A dielectric object of such strength is refused; a board may have any.
 #[test]
 fn numbers_that_overflow_are_told() {
-    let materials = [dielectric(f64::MAX)];
-    for sensor in both(stripes_sensor(4_000)) {
-        let mut simulator = Simulator::new(sensor, materials.to_vec(), to(1e-6)).unwrap();
-        let error = solve_error(&mut simulator, &seen(&[block()]));
+    let board = Substrate {
+        thickness: 0.02,
+        relative_permittivity: RelativePermittivity::new(1e300).unwrap(),
+        size: DVec2::splat(0.3),
+        grounded_back: false,
+    };
+    let design = SensorDesign { substrate: Some(board), ..three_stripes() };
+    for sensor in both(Sensor::on_lattice(&design, &design.lattice(6_000).unwrap()).unwrap()) {
+        let error = Simulator::new(sensor, vec![], to(1e-6)).unwrap_err();
+        let SimulatorError::Solve(error) = error else { panic!("{error}") };
         assert!(matches!(error, SolveError::NonFinite { column: 0..3, .. }), "{error}");
-        assert_recovers(&mut simulator, &materials, &seen(&[bar(2.0, 0.0)]), 1e-6);
     }
 }
 
@@ -127,6 +132,26 @@ fn a_depth_that_is_no_surface_is_told_and_forgotten() {
             assert_eq!(bits, [front, back].map(f32::to_bits));
             assert_recovers(&mut simulator, &materials, &good, 1e-6);
         }
+    }
+}
+
+/// Differences of potentials within such a body are rounding, and become charges.
+#[test]
+fn permittivities_that_rounding_hides_are_told() {
+    let sensor = stripes_sensor(4_000);
+    let new = |permittivity, tolerance| {
+        Simulator::new(sensor.clone(), vec![dielectric(4.0), dielectric(permittivity)], to(tolerance))
+    };
+    for (permittivity, tolerance) in [(1e12, 1e-6), (1e10, 1e-8), (1e7, 1e-12)] {
+        let error = new(permittivity, tolerance).unwrap_err();
+        let SimulatorError::Permittivity { object: 1, rounding, .. } = error else { panic!("{error}") };
+        assert!(rounding > 3.0 * tolerance && error.to_string().contains("floating conductor"), "{error}");
+        assert!(new(permittivity, rounding).is_ok());
+    }
+    for permittivity in [1e-3, 1e5] {
+        let options = SolverOptions { preconditioner: Preconditioner::None, ..to(1e-6) };
+        let error = Simulator::new(sensor.clone(), vec![dielectric(permittivity)], options).unwrap_err();
+        assert_eq!(error, SimulatorError::Unpreconditioned { object: 0, permittivity });
     }
 }
 

@@ -19,6 +19,7 @@ mod scene;
 mod silhouette;
 mod sorted;
 mod surfaces;
+mod unresolved;
 mod unstructured;
 
 pub use changes::{Earlier, Regions};
@@ -28,6 +29,7 @@ pub(crate) use index_set::IndexList;
 pub use interface::Interface;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
 pub use surfaces::{Frame, Span, Surfaces};
+pub(crate) use unresolved::unresolved;
 
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};

@@ -62,6 +62,11 @@ pub enum SensorError {
         /// Where it is, in metres.
         position: [f64; 3],
     },
+    /// An electrode to which a part of the mesh is all its own.
+    #[error(
+        "electrode `{0}` is alone in its part of the mesh: without ground or another electrode it has no capacitance"
+    )]
+    Alone(String),
     /// The substrate is not a board inside the domain.
     #[error("the substrate {0}")]
     Substrate(&'static str),

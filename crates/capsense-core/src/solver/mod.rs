@@ -51,7 +51,7 @@ impl Default for SolverOptions {
             tolerance: 1e-4,
             change_tolerance: None,
             preconditioner: Preconditioner::default(),
-            max_iterations: 20_000,
+            max_iterations: 10_000,
             threads: None,
         }
     }

@@ -30,7 +30,7 @@ const DIVISIONS: usize = 6;
 
 /// The links of all sheets of a mesh. An electrode that fills elements has no thin rim.
 pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink> {
-    let sides = sides_of_rims(mesh, owners);
+    let (sides, mirrored) = sides_of_rims(mesh, owners);
     if sides.is_empty() {
         return Vec::new();
     }
@@ -40,7 +40,7 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
             *half_lengths.entry((side.terminal, node)).or_default() += 0.5 * side.length(mesh);
         }
     }
-    let balances = balances(mesh, owners, &sides);
+    let balances = balances(mesh, owners, &sides, &mirrored);
     let permittivity = permittivity_around(mesh, half_lengths.keys().map(|(_, node)| *node));
     let mut links = Vec::with_capacity(half_lengths.len());
     for of_terminal in half_lengths.into_iter().collect::<Vec<_>>().chunk_by(|a, b| a.0.0 == b.0.0) {
@@ -55,8 +55,9 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
     links
 }
 
-/// Sides of triangles between nodes of one electrode that belong to one triangle only.
-fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
+/// Sides of triangles between nodes of one electrode that belong to one triangle only, but for those at which the mesh ends,
+/// and the nodes of these: there the sheet goes on as in a mirror.
+fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> (Vec<Side>, BTreeSet<u32>) {
     let is_electrode = |terminal: Terminal| terminal != FREE && terminal != GROUND;
     let (mut filled, mut triangles) = (BTreeSet::new(), BTreeMap::new());
     for tet in mesh.tets() {
@@ -86,7 +87,8 @@ fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> Vec<Side> {
     let rim = counts.into_iter().filter(|(_, (count, _))| *count == 1);
     let sides: Vec<Side> = rim.map(|((terminal, ends), (_, apex))| Side { terminal, ends, apex }).collect();
     let at_surface = at_surface(mesh, &sides);
-    sides.into_iter().filter(|side| !at_surface.contains(&side.ends)).collect()
+    let sides = sides.into_iter().filter(|side| !at_surface.contains(&side.ends)).collect();
+    (sides, at_surface.into_iter().flatten().collect())
 }
 
 /// Sides at which the mesh ends. There the field has no need to go around the rim.
@@ -118,9 +120,14 @@ struct Balance {
 }
 
 /// The balance of each rim node, in vacuum. Elements near corners, where the field is another one, are left out.
-fn balances(mesh: &TetMesh, owners: &[Terminal], sides: &[Side]) -> BTreeMap<u32, Balance> {
+fn balances(
+    mesh: &TetMesh,
+    owners: &[Terminal],
+    sides: &[Side],
+    mirrored: &BTreeSet<u32>,
+) -> BTreeMap<u32, Balance> {
     let near = nearest_sides(mesh, sides, RINGS);
-    let corners = corners(mesh, sides);
+    let corners = corners(mesh, sides, mirrored);
     let on_rim: BTreeSet<u32> = sides.iter().flat_map(|side| side.ends).collect();
     let mut balances: BTreeMap<u32, Balance> = BTreeMap::new();
     for (element, tet) in mesh.tets().iter().enumerate() {

@@ -101,8 +101,8 @@ impl Frame {
     }
 }
 
-/// Nodes at which a rim turns or branches.
-pub(super) fn corners(mesh: &TetMesh, sides: &[Side]) -> BTreeSet<u32> {
+/// Nodes at which a rim turns, branches or ends; at those that are mirrored, where the mesh ends, it goes on.
+pub(super) fn corners(mesh: &TetMesh, sides: &[Side], mirrored: &BTreeSet<u32>) -> BTreeSet<u32> {
     let mut directions: BTreeMap<u32, Vec<DVec3>> = BTreeMap::new();
     for side in sides {
         let [a, b] = side.points(mesh);
@@ -110,11 +110,12 @@ pub(super) fn corners(mesh: &TetMesh, sides: &[Side]) -> BTreeSet<u32> {
         directions.entry(side.ends[0]).or_default().push(along);
         directions.entry(side.ends[1]).or_default().push(-along);
     }
-    let turns = |directions: &[DVec3]| match directions {
+    let turns = |node: u32, directions: &[DVec3]| match directions {
         [a, b] => -a.dot(*b) < STRAIGHT,
+        [_] => !mirrored.contains(&node),
         _ => true,
     };
-    directions.into_iter().filter(|(_, at)| turns(at)).map(|(node, _)| node).collect()
+    directions.into_iter().filter(|(node, at)| turns(*node, at)).map(|(node, _)| node).collect()
 }
 
 /// For the nodes at most so many edges from a rim: how many, and the index of the nearest side among those of their

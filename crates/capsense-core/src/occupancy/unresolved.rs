@@ -1,0 +1,85 @@
+//! Bodies that a mesh is too coarse for: those of which it sees little or nothing, so that no comparison with a mesh half as
+//! coarse can tell how wrong it is.
+//!
+//! What a cut edge knows of a dielectric is how much of the edge lies in it. A sheet that edges pass through as a whole has no
+//! edge along it, so what it does to fields along it, (ε - 1) times its thickness, is not there; one that happens to hold a
+//! plane of nodes counts as a cell thick. Interface models that fill elements lose thin bodies altogether. Conductors that cut
+//! edges are links, however thin.
+
+use super::parallel::WEAK;
+use super::{EdgeGeometry, Interface, Surfaces};
+use crate::geometry::Aabb;
+use crate::material::Material;
+use crate::mesh::Edges;
+use glam::DVec3;
+
+/// Volumes of a body that edges along different axes see differ by less.
+const ALIKE: f64 = 0.5;
+
+/// What edges say of one body.
+#[derive(Default)]
+struct Seen {
+    /// Whether any edge meets it.
+    is_met: bool,
+    /// What edges that pass through it as a whole stand for, and those that leave it: w d². Diagonals of Kuhn tetrahedra
+    /// carry nothing, and stand for nothing.
+    through: f64,
+    leaving: f64,
+    /// The body's volume, as the parts of edges along each axis tell: an edge of weight w and extent d stands for w d².
+    volumes: DVec3,
+}
+
+impl Seen {
+    /// Whether most edges that meet the body have no room in it, or see it thicker or thinner across than along it.
+    fn is_thin(&self) -> bool {
+        self.through > self.leaving || self.volumes.min_element() < ALIKE * self.volumes.max_element()
+    }
+}
+
+/// The objects that the mesh is too coarse for, in increasing order.
+pub(crate) fn unresolved(
+    mesh: EdgeGeometry<'_>,
+    weights: &[f64],
+    interface: Interface,
+    materials: &[Material],
+    surfaces: &impl Surfaces,
+) -> Vec<usize> {
+    let domain = Aabb::around(mesh.nodes.iter().copied());
+    let is_lattice = matches!(mesh.edges, Edges::Lattice(_));
+    let is_unresolved = |object: usize| {
+        let bounds = surfaces.bounds(object);
+        if !bounds.intersects(&domain) {
+            return false;
+        }
+        let seen = look_at(mesh, weights, surfaces, object);
+        let is_inside = domain.contains(bounds.min) && domain.contains(bounds.max);
+        match (interface, materials[object]) {
+            // Lines beside edges see these.
+            (Interface::EdgeCut, Material::Dielectric(permittivity))
+                if is_lattice && permittivity.value() < WEAK =>
+            {
+                false
+            }
+            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && !seen.is_met,
+            _ => is_inside && !seen.is_met || seen.is_thin(),
+        }
+    };
+    (0..surfaces.objects()).filter(|&object| is_unresolved(object)).collect()
+}
+
+fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, object: usize) -> Seen {
+    let mut seen = Seen::default();
+    mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| {
+        let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
+        let Some(span) = surfaces.span(object, a, b) else { return };
+        let weight = weights[edge].max(0.0);
+        seen.is_met = true;
+        match [a, b].map(|end| surfaces.contains(object, end)) {
+            [false, false] => seen.through += weight * a.distance_squared(b),
+            [true, true] => {}
+            _ => seen.leaving += weight * a.distance_squared(b),
+        }
+        seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
+    });
+    seen
+}
