@@ -1,4 +1,4 @@
-//! The complex amplitude of a sine in samples: I = 2 <v sin>, Q = 2 <v cos>, over a whole number of cycles.
+//! The complex amplitude of a sine in samples: I = 2 ⟨v sin⟩, Q = 2 ⟨v cos⟩, over a whole number of cycles.
 //!
 //! Over whole cycles the reference is orthogonal to a constant and to every other whole number of cycles, so offsets and
 //! harmonics below the sampling frequency leave no trace. White noise of one-sided density e² leaves e²/T in I and in Q after a time T.
