@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(body, 0);
         assert!((distance - 1.9).abs() < 2e-3, "{distance}");
         // Beside the ball, the box: turned about x, it is 0.4 m high.
-        let (body, distance) = first_met(&down(0.0995), &surfaces, &poses).unwrap();
+        let (body, distance) = first_met(&down(0.0998), &surfaces, &poses).unwrap();
         assert_eq!(body, 1);
         assert!((distance - 2.8).abs() < 1e-4, "{distance}");
         assert_eq!(first_met(&down(0.2), &surfaces, &poses), None);
