@@ -43,6 +43,7 @@ mod tests {
     use capsense_core::geometry::{Pose, Shape};
     use capsense_core::material::{Connection, Material};
     use glam::DQuat;
+    use std::f64::consts::FRAC_PI_2;
 
     fn surface(shape: &Shape) -> BodySurface {
         BodySurface::new(shape, Material::Conductor(Connection::Grounded))
@@ -55,7 +56,7 @@ mod tests {
             surface(&Shape::Box { size: DVec3::new(0.2, 0.4, 0.6) }),
         ];
         let turned =
-            Pose { translation: DVec3::new(0.0, 0.0, -1.0), rotation: DQuat::from_rotation_x(1.5708) };
+            Pose { translation: DVec3::new(0.0, 0.0, -1.0), rotation: DQuat::from_rotation_x(FRAC_PI_2) };
         let poses = [BodyPose::new("ball", &Pose::at(DVec3::ZERO)), BodyPose::new("box", &turned)];
         let down = |x: f64| Ray { origin: DVec3::new(x, 0.01, 2.0), direction: DVec3::NEG_Z };
         let (body, distance) = first_met(&down(0.01), &surfaces, &poses).unwrap();

@@ -110,11 +110,11 @@ fn designed_shapes(scene: &Scene) -> Vec<&Electrode> {
     match &scene.sensor {
         SceneSensor::Generated { design, .. } => design.electrodes.iter().collect(),
         SceneSensor::Meshed { electrodes, .. } => {
-            let shape = |nodes| match nodes {
-                &ElectrodeNodes::Shape(ref shape) => Some(shape),
+            let shapes = electrodes.iter().filter_map(|(_, nodes)| match nodes {
+                ElectrodeNodes::Shape(shape) => Some(shape),
                 ElectrodeNodes::Nodes(_) => None,
-            };
-            electrodes.iter().filter_map(|(_, nodes)| shape(nodes)).collect()
+            });
+            shapes.collect()
         }
     }
 }
