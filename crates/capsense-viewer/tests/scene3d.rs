@@ -11,6 +11,7 @@ use egui::{Key, Pos2, Rect, Theme, Vec2};
 use egui_kittest::kittest::Queryable;
 use egui_kittest::{Harness, SnapshotOptions};
 use glam::{DQuat, DVec3};
+use std::f64::consts::PI;
 use std::path::Path;
 
 const SCENE: &str = r#"
@@ -308,8 +309,7 @@ fn a_frame_holds_what_was_computed() {
         .occupied_elements()
         .map(|element| capsense_core::mesh::signed_volume(mesh.corners(element)))
         .sum();
-    let of_bodies =
-        0.15 * 0.1 * 0.03 + 4.0 / 3.0 * 3.14159 * 0.035f64.powi(3) + 3.14159 * 0.02f64.powi(2) * 0.1067;
+    let of_bodies = 0.15 * 0.1 * 0.03 + 4.0 / 3.0 * PI * 0.035f64.powi(3) + PI * 0.02f64.powi(2) * 0.1067;
     assert!((volume / of_bodies - 1.0).abs() < 0.5, "{volume} {of_bodies}");
     // Only the bar moved.
     let changed: Vec<usize> = frame.changed_elements().collect();

@@ -143,15 +143,16 @@ pub(super) fn outlines(scene: &StaticScene, theme: &Theme) -> Vec<Line> {
     lines
 }
 
-/// The elements behind a plane, those whose middle is on its kept side, as faces: where the plane cuts the mesh, and the
-/// mesh's own surface.
+/// The elements behind a plane, as faces: where the plane cuts the mesh, and the mesh's own surface. It is the middle of the
+/// box around an element that counts: the six elements of a lattice's cell have the same, so that lattices are cut flat.
 pub(super) fn section(
     scene: &StaticScene,
     is_kept: impl Fn(DVec3) -> bool,
     theme: &Theme,
 ) -> [Vec<FaceVertex>; 2] {
     let kept: Vec<bool> = (0..scene.tets.len() as u32)
-        .map(|element| is_kept(scene.corners(element).iter().sum::<DVec3>() / 4.0))
+        .map(|element| Aabb::around(scene.corners(element)))
+        .map(|around| is_kept(0.5 * (around.min + around.max)))
         .collect();
     let (mut cut, mut walls) = (Vec::new(), Vec::new());
     for element in (0..scene.tets.len()).filter(|&element| kept[element]) {

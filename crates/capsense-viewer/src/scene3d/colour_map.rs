@@ -29,7 +29,8 @@ pub(super) const VIRIDIS: [[u8; 3]; STOPS] = [
 /// The colour of a part of the scale; what lies beyond an end has the colour of that end, what is no number that of the
 /// lower one.
 pub fn colour(part: f64) -> Color32 {
-    let place = part.max(0.0).min(1.0) * (STOPS - 1) as f64;
+    let part = if part > 0.0 { part.min(1.0) } else { 0.0 };
+    let place = part * (STOPS - 1) as f64;
     let below = (place as usize).min(STOPS - 2);
     let share = place - below as f64;
     let channel = |k: usize| {

@@ -146,16 +146,18 @@ impl Content {
         self.legend.as_ref()
     }
 
-    /// The picture from somewhere. Of an opaque slice nothing is seen through.
+    /// The picture from somewhere.
     pub(super) fn picture(&self, sight: &Sight, seen: &Seen<'_>, pixels_per_point: f32) -> Picture {
         let size = (sight.rect.size() * pixels_per_point).round();
         let theme = seen.theme;
+        let (bodies, behind) = self.sorted_bodies(sight, seen);
         Picture {
             size: [size.x.max(1.0) as u32, size.y.max(1.0) as u32],
             background: theme.background.to_normalized_gamma_f32(),
             globals: self.globals(sight, theme, size, pixels_per_point),
             parts: self.parts.clone(),
-            bodies: self.sorted_bodies(sight, seen),
+            bodies,
+            behind,
         }
     }
 
@@ -178,20 +180,23 @@ impl Content {
         }
     }
 
-    /// Bodies, the farthest first.
-    fn sorted_bodies(&self, sight: &Sight, seen: &Seen<'_>) -> Vec<Body> {
+    /// Bodies, those behind the slice before the others and the farthest first, and how many are behind the slice.
+    fn sorted_bodies(&self, sight: &Sight, seen: &Seen<'_>) -> (Vec<Body>, usize) {
         if !seen.options.bodies {
-            return Vec::new();
+            return (Vec::new(), 0);
         }
         let forward = sight.camera.axes()[2];
+        let Plane { axis, position } = seen.options.slice_plane;
+        let eye = sight.camera.eye()[axis] - position;
+        let is_behind = |place: DVec3| seen.options.slice && (place[axis] - position) * eye < 0.0;
         let surfaces = self.bodies.iter().zip(&seen.frame.scene.bodies);
-        let mut bodies: Vec<(f64, Body)> = surfaces
+        let mut bodies: Vec<(bool, f64, Body)> = surfaces
             .zip(seen.bodies)
             .enumerate()
             .filter(|(_, ((vertices, _), _))| !vertices.is_empty())
             .map(|(index, ((vertices, surface), body))| {
                 let middle = 0.5 * (surface.bounds.min + surface.bounds.max);
-                let depth = body.pose().sensor_from_object(middle).dot(forward);
+                let middle = body.pose().sensor_from_object(middle);
                 let is_selected = seen.selected == Some(index);
                 let [r, g, b, _] = material_colour(&surface.material).to_normalized_gamma_f32();
                 let sensor_from_body =
@@ -201,11 +206,12 @@ impl Content {
                     colour: [r, g, b, BODY_ALPHA],
                     state: [f32::from(u8::from(is_selected)), 0.0, 0.0, 0.0],
                 };
-                (depth, Body { vertices: vertices.clone(), state })
+                (is_behind(middle), middle.dot(forward), Body { vertices: vertices.clone(), state })
             })
             .collect();
-        bodies.sort_by(|a, b| b.0.total_cmp(&a.0));
-        bodies.into_iter().map(|(_, body)| body).collect()
+        bodies.sort_by(|a, b| b.0.cmp(&a.0).then(b.1.total_cmp(&a.1)));
+        let behind = bodies.iter().filter(|(is_behind, ..)| *is_behind).count();
+        (bodies.into_iter().map(|(.., body)| body).collect(), behind)
     }
 }
 

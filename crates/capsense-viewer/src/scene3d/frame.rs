@@ -82,8 +82,8 @@ pub(super) struct Computed {
 pub struct Frame3dBuilder {
     scene: Arc<StaticScene>,
     materials: Vec<Material>,
-    /// Working storage, by edge.
-    touched: Vec<bool>,
+    /// Working storage, by edge: the part of it that lies in objects.
+    inside: Vec<f32>,
     changed: Vec<bool>,
     potentials: Vec<f64>,
 }
@@ -96,7 +96,7 @@ impl Frame3dBuilder {
         Self {
             scene: Arc::new(StaticScene::new(scene, simulator)),
             materials: scene.objects.iter().map(|object| object.material).collect(),
-            touched: vec![false; edges],
+            inside: vec![0.0; edges],
             changed: vec![false; edges],
             potentials: Vec::new(),
         }
@@ -126,7 +126,7 @@ impl Frame3dBuilder {
             .collect()
     }
 
-    /// Finds the edges that objects touch and, of these, the ones that surfaces cut.
+    /// Finds what part of each edge lies in objects, and the edges that surfaces cut.
     fn look_at_edges(&mut self, simulator: &Simulator, cut: &mut Vec<[u32; 2]>) {
         let (occupancy, network) = (simulator.occupancy(), simulator.matrix().network());
         let holders = occupancy.conductors();
@@ -139,22 +139,41 @@ impl Frame3dBuilder {
             }
             let [from, to] = ends.map(|node| holders[node as usize]);
             let is_plain = *coupling == Coupling::PLAIN;
-            self.touched[edge] = !is_plain || (from == to && from != NO_OBJECT);
-            let is_within = || self.is_within_dielectric(coupling, network.permittivity().at(edge));
-            if from != to || coupling.is_linked() || (!is_plain && from == NO_OBJECT && !is_within()) {
+            let background = network.permittivity().at(edge);
+            self.inside[edge] = match (from == to, from != NO_OBJECT || to != NO_OBJECT) {
+                (true, true) => 1.0,
+                _ if coupling.is_linked() => 1.0 - outside_parts(coupling.links().map(|(.., factor)| factor)),
+                (false, _) => 1.0 - outside_parts([coupling.through]),
+                _ if is_plain => 0.0,
+                _ => self.part_in_dielectric(coupling, background),
+            };
+            let is_within = self.inside[edge] > 1.0 - 1e-6;
+            if from != to || coupling.is_linked() || (!is_plain && !is_within) {
                 cut.push(ends);
             }
         }
     }
 
-    /// Whether an edge has the weight of one that lies in a dielectric from end to end.
-    fn is_within_dielectric(&self, coupling: &Coupling, background: f64) -> bool {
-        self.materials.iter().any(|material| match material {
+    /// The part of an edge that lies in the dielectric of which least of it would do: parts are capacitors in series,
+    /// 1/f = 1 - x + x ε_background/ε.
+    fn part_in_dielectric(&self, coupling: &Coupling, background: f64) -> f32 {
+        let part = |material: &Material| match material {
             Material::Dielectric(permittivity) => {
-                (coupling.through * background / permittivity.value() - 1.0).abs() < 1e-9
+                let part = (1.0 - 1.0 / coupling.through) / (1.0 - background / permittivity.value());
+                (part.is_finite() && part > 0.0).then_some(part.min(1.0) as f32)
             }
-            Material::Conductor(_) => false,
-        })
+            Material::Conductor(_) => None,
+        };
+        self.materials.iter().filter_map(part).reduce(f32::min).unwrap_or(0.0)
+    }
+
+    /// Whether objects fill more than half of some elements, as far as their edges tell. The six elements of a lattice's cell
+    /// are asked together: each reaches from one corner of the cell to the opposite one.
+    fn is_filled(&self, elements: &[[u32; 6]]) -> bool {
+        let edges = elements.iter().flatten().filter(|&&edge| edge != u32::MAX);
+        let (sum, count) =
+            edges.fold((0.0, 0), |(sum, count), &edge| (sum + self.inside[edge as usize], count + 1));
+        2.0 * sum > count as f32
     }
 
     /// Finds the elements that are occupied and those that changed.
@@ -162,6 +181,15 @@ impl Frame3dBuilder {
         let mut has_moved = vec![false; computed.holders.len()];
         occupancy.changed_nodes().iter().for_each(|&node| has_moved[node as usize] = true);
         let filled = occupancy.elements();
+        let is_cell_filled: Vec<bool> = match filled {
+            Some(_) => Vec::new(),
+            None => self
+                .scene
+                .tet_edges
+                .chunks(self.scene.elements_in_cell)
+                .map(|cell| self.is_filled(cell))
+                .collect(),
+        };
         let dielectric =
             self.materials.iter().position(|material| matches!(material, Material::Dielectric(_)));
         for (element, (corners, edges)) in self.scene.tets.iter().zip(&self.scene.tet_edges).enumerate() {
@@ -171,7 +199,7 @@ impl Frame3dBuilder {
                     conductors[element] != NO_OBJECT
                         || permittivity[element] != self.scene.permittivity.at(element)
                 }
-                None => edges().next().is_some() && edges().all(|edge| self.touched[edge]),
+                None => is_cell_filled[element / self.scene.elements_in_cell],
             };
             let is_changed = edges().any(|edge| self.changed[edge])
                 || corners.iter().any(|&node| has_moved[node as usize]);
@@ -188,4 +216,10 @@ impl Frame3dBuilder {
             }
         }
     }
+}
+
+/// The parts of an edge outside of conductors, from what these parts alone weigh in relation to the edge.
+fn outside_parts(factors: impl IntoIterator<Item = f64>) -> f32 {
+    let parts: f64 = factors.into_iter().map(|factor| 1.0 / factor.max(1.0)).sum();
+    parts.min(1.0) as f32
 }

@@ -91,14 +91,14 @@ impl Gizmo {
         Self { sight, origin, length: LENGTH * sight.metres_per_point_at(origin) }
     }
 
-    /// The handle at a place of the screen. Squares come before arrows, arrows before rings.
+    /// The handle at a place of the screen. Arrows come before squares, squares before rings.
     pub(super) fn handle_at(&self, at: Pos2) -> Option<Handle> {
         let squares = (0..3).filter(|&k| self.square(k).is_some_and(|corners| is_within(at, &corners)));
         let near = |points: &[Pos2]| distance_to_line(at, points) < REACH;
         let arrows = (0..3).filter(|&k| self.arrow(k).is_some_and(|ends| near(&ends)));
         let rings = (0..3).filter(|&k| near(&self.ring(k, true)));
-        let squares = squares.map(Handle::Across);
-        squares.chain(arrows.map(Handle::Along)).chain(rings.map(Handle::Around)).next()
+        let arrows = arrows.map(Handle::Along);
+        arrows.chain(squares.map(Handle::Across)).chain(rings.map(Handle::Around)).next()
     }
 
     fn cosine(&self, of_axis: usize) -> f64 {
@@ -267,15 +267,17 @@ mod tests {
         BodyPose::new("bar", &Pose::at(DVec3::new(0.05, -0.03, 0.04)))
     }
 
-    /// Grabs a handle by its middle, drags it by `by` and returns the way.
+    /// Grabs a handle, drags it by `by` and returns where the pointer is then, and how the body stands.
     fn drag(sight: &Sight, handle: Handle, by: Vec2) -> (Pos2, Pose) {
         let body = body();
         let gizmo = Gizmo::new(*sight, body.position);
         let at = match handle {
             Handle::Along(k) => gizmo.arrow(k).map(|[a, b]| a + (b - a) * 0.9),
             Handle::Across(k) => gizmo.square(k).map(|[a, _, c, _]| a + (c - a) * 0.5),
-            // Not in the middle of the ring, where arrows or other rings may be.
-            Handle::Around(k) => gizmo.ring(k, true).get(SEGMENTS / 5).copied(),
+            // Where no arrow and no other ring is in front.
+            Handle::Around(k) => {
+                gizmo.ring(k, true).into_iter().find(|&at| gizmo.handle_at(at) == Some(handle))
+            }
             Handle::Body => sight.project(body.position),
         };
         let at = at.unwrap();
@@ -297,24 +299,29 @@ mod tests {
                 (Handle::Across(0), DVec3::new(0.0, 1.0, 1.0)),
                 (Handle::Body, DVec3::ONE),
             ] {
-                let by = Vec2::new(40.0, -25.0);
-                let (_, pose) = drag(&sight, handle, by);
+                let by = match handle {
+                    Handle::Along(k) => {
+                        let [from, to] = Gizmo::new(sight, body().position).arrow(k).unwrap();
+                        0.5 * (to - from)
+                    }
+                    _ => Vec2::new(40.0, -25.0),
+                };
+                let (to, pose) = drag(&sight, handle, by);
                 let moved = pose.translation - body().position;
                 assert!(moved.length() > 0.01, "{handle:?} {moved}");
                 assert!((moved * (1.0 - free)).length() < 1e-9, "{handle:?} {moved}");
                 assert_eq!(pose.rotation, body().rotation);
-                // What was asked for, as far as the handle allows: nothing is left along any direction it has.
-                let [from, to] =
-                    [body().position, pose.translation].map(|place| sight.project(place).unwrap());
-                let left = by - (to - from);
-                let allowed = match handle {
+                // What was asked for: the point that was grabbed is under the pointer.
+                let ray = sight.ray(to - by);
+                let grabbed = match handle {
                     Handle::Along(k) => {
-                        let ahead = sight.project(body().position + axis(k) * 0.01).unwrap() - from;
-                        left.dot(ahead.normalized()).abs()
+                        body().position + axis(k) * ray.nearest_on_line(body().position, axis(k)).unwrap()
                     }
-                    _ => left.length(),
+                    Handle::Across(k) => ray.meets_plane(body().position, axis(k)).unwrap(),
+                    _ => body().position,
                 };
-                assert!(allowed < 0.1 * by.length(), "{handle:?}: {left:?}");
+                let seen = sight.project(grabbed + moved).unwrap();
+                assert!(seen.distance(to) < 0.5, "{handle:?}: {seen:?} {to:?}");
             }
         }
     }

@@ -7,21 +7,22 @@ use super::pipelines::{DEPTH_FORMAT, Kind, PICTURE_FORMAT, Pipelines};
 use bytemuck::{NoUninit, Pod, Zeroable};
 use eframe::egui_wgpu::{CallbackResources, CallbackTrait, ScreenDescriptor};
 use eframe::wgpu;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What is drawn, in this order, bodies last.
+/// What is drawn, in this order: bodies behind the slice before it, the others last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Electrodes,
     Section,
     Occupied,
-    Slice,
     Walls,
     Board,
-    Changed,
     Outlines,
     CutEdges,
+    Changed,
+    Slice,
 }
 
 impl Part {
@@ -31,12 +32,12 @@ impl Part {
         Self::Electrodes,
         Self::Section,
         Self::Occupied,
-        Self::Slice,
         Self::Walls,
         Self::Board,
-        Self::Changed,
         Self::Outlines,
         Self::CutEdges,
+        Self::Changed,
+        Self::Slice,
     ];
 
     fn kind(self) -> Kind {
@@ -116,8 +117,10 @@ pub(super) struct Picture {
     pub(super) background: [f32; 4],
     pub(super) globals: Globals,
     pub(super) parts: [Vertices; Part::COUNT],
-    /// The farthest first.
+    /// The farthest first, but those behind the slice before all others.
     pub(super) bodies: Vec<Body>,
+    /// How many are behind the slice.
+    pub(super) behind: usize,
 }
 
 impl CallbackTrait for Picture {
@@ -217,14 +220,15 @@ struct Drawn {
     globals: Globals,
     versions: [u64; Part::COUNT],
     bodies: Vec<(u64, BodyState)>,
+    behind: usize,
 }
 
 impl Drawn {
     fn of(picture: &Picture) -> Self {
         let bodies = picture.bodies.iter().map(|body| (body.vertices.version, body.state)).collect();
         let versions = picture.parts.each_ref().map(|part| part.version);
-        let Picture { size, background, globals, .. } = *picture;
-        Self { size, background, globals, versions, bodies }
+        let Picture { size, background, globals, behind, .. } = *picture;
+        Self { size, background, globals, versions, bodies, behind }
     }
 }
 
@@ -378,6 +382,9 @@ impl Gpu {
         });
         pass.set_bind_group(0, &self.globals_group, &[]);
         for part in Part::ALL {
+            if part == Part::Slice {
+                self.encode_bodies(&mut pass, &picture.bodies, 0..picture.behind);
+            }
             let (vertices, buffer) = (&picture.parts[part as usize], &self.parts[part as usize].buffer);
             if let (Some(buffer), true) = (buffer, vertices.count > 0) {
                 pass.set_pipeline(self.pipelines.of(part.kind()));
@@ -388,15 +395,16 @@ impl Gpu {
                 }
             }
         }
-        self.encode_bodies(&mut pass, &picture.bodies);
+        self.encode_bodies(&mut pass, &picture.bodies, picture.behind..picture.bodies.len());
     }
 
     /// Of each body the far side, then the near one.
-    fn encode_bodies(&self, pass: &mut wgpu::RenderPass<'_>, bodies: &[Body]) {
+    fn encode_bodies(&self, pass: &mut wgpu::RenderPass<'_>, bodies: &[Body], some: Range<usize>) {
         let Some(group) = &self.bodies_group else {
             return;
         };
-        for (index, body) in bodies.iter().enumerate() {
+        for index in some {
+            let body = &bodies[index];
             let buffer = self.bodies.iter().find(|buffer| buffer.version == body.vertices.version);
             let Some(buffer) = buffer.and_then(|buffer| buffer.buffer.as_ref()) else {
                 continue;

@@ -114,7 +114,7 @@ impl Scene3d {
     /// drawn where they are asked to stand, which may be ahead of the frame.
     ///
     /// Drag: turn. Drag with another button, or with Shift: move. Scroll: zoom. Click: select a body. Drag a handle of the
-    /// selected body, or the body: move it; Esc puts it back. F: show all.
+    /// selected body, or the body: move it; Esc puts it back. F: show sensor and bodies.
     pub fn show(
         &mut self,
         ui: &mut Ui,
@@ -125,11 +125,11 @@ impl Scene3d {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let info = format!("3D view, {} elements", frame.scene.tets.len());
         response.widget_info(|| egui::WidgetInfo::labeled(Role::Image, true, &info));
-        self.follow_scene(frame, rect);
+        self.follow_scene(frame, bodies, rect);
         *selected = selected.filter(|&body| body < bodies.len().min(frame.scene.bodies.len()));
         let mut outcome = SceneResponse::default();
         self.drag_bodies(ui, &response, frame, bodies, selected, &mut outcome);
-        self.move_camera(ui, &response, frame);
+        self.move_camera(ui, &response, &focus(frame, bodies));
         if ui.is_rect_visible(rect) {
             self.paint(ui, &response, frame, bodies, *selected);
         }
@@ -144,10 +144,10 @@ impl Scene3d {
         }
     }
 
-    /// Of a scene of another size, all is shown.
-    fn follow_scene(&mut self, frame: &Frame3d, rect: Rect) {
+    /// Of a scene of another size, sensor and bodies are shown.
+    fn follow_scene(&mut self, frame: &Frame3d, bodies: &[BodyPose], rect: Rect) {
         if self.fitted != Some(frame.scene.domain) {
-            self.camera.fit(&frame.scene.domain, rect);
+            self.camera.fit(&focus(frame, bodies), rect);
             self.fitted = Some(frame.scene.domain);
         }
         if self.scene.as_ref().is_none_or(|scene| !Arc::ptr_eq(scene, &frame.scene)) {
@@ -221,7 +221,7 @@ impl Scene3d {
         }
     }
 
-    fn move_camera(&mut self, ui: &Ui, response: &Response, frame: &Frame3d) {
+    fn move_camera(&mut self, ui: &Ui, response: &Response, focus: &Aabb) {
         let rect = response.rect;
         if self.drag.is_none() && response.dragged() {
             let is_shifted = ui.input(|input| input.modifiers.shift);
@@ -235,7 +235,7 @@ impl Scene3d {
             self.camera.zoom(f64::from(scrolled * 0.004).exp() * f64::from(pinched), pointer, rect);
             let is_writing = ui.ctx().egui_wants_keyboard_input();
             if !is_writing && ui.input_mut(|input| input.consume_key(Modifiers::NONE, Key::F)) {
-                self.camera.fit(&frame.scene.domain, rect);
+                self.camera.fit(focus, rect);
             }
         }
     }
@@ -293,6 +293,18 @@ impl Scene3d {
             pictures.show(painter, painter.clip_rect(), theme);
         }
     }
+}
+
+/// What to look at: sensor and bodies, as far as these are in the domain.
+fn focus(frame: &Frame3d, bodies: &[BodyPose]) -> Aabb {
+    let scene = &frame.scene;
+    let borders = scene.electrodes.iter().flat_map(|electrode| electrode.border.iter().flatten().copied());
+    let board = scene.board.iter().flat_map(|board| [board.min, board.max]);
+    let of_bodies = scene.bodies.iter().zip(bodies).flat_map(|(surface, body)| {
+        camera::corners(&surface.bounds).map(|corner| body.pose().sensor_from_object(corner))
+    });
+    let of_bodies = of_bodies.map(|corner| corner.clamp(scene.domain.min, scene.domain.max));
+    Aabb::around(borders.chain(board).chain(of_bodies))
 }
 
 /// A body is not lost far outside: its origin stays in the domain or less than half of its size beside it.

@@ -155,7 +155,7 @@ fn plane_ui(ui: &mut Ui, name: &str, plane: &mut Plane, scene: Option<&StaticSce
         None => -250.0..=250.0,
     };
     let mut millimetres = plane.position * 1e3;
-    let slider = Slider::new(&mut millimetres, range).suffix(" mm").fixed_decimals(1);
+    let slider = Slider::new(&mut millimetres, range).text("position").suffix(" mm").fixed_decimals(1);
     if ui.add(slider).changed() {
         plane.position = millimetres * 1e-3;
     }

@@ -43,6 +43,7 @@ mod tests {
     use capsense_core::geometry::{Pose, Shape};
     use capsense_core::material::{Connection, Material};
     use glam::DQuat;
+    use std::f64::consts::FRAC_PI_2;
 
     fn surface(shape: &Shape) -> BodySurface {
         BodySurface::new(shape, Material::Conductor(Connection::Grounded))
@@ -55,14 +56,14 @@ mod tests {
             surface(&Shape::Box { size: DVec3::new(0.2, 0.4, 0.6) }),
         ];
         let turned =
-            Pose { translation: DVec3::new(0.0, 0.0, -1.0), rotation: DQuat::from_rotation_x(1.5708) };
+            Pose { translation: DVec3::new(0.0, 0.0, -1.0), rotation: DQuat::from_rotation_x(FRAC_PI_2) };
         let poses = [BodyPose::new("ball", &Pose::at(DVec3::ZERO)), BodyPose::new("box", &turned)];
         let down = |x: f64| Ray { origin: DVec3::new(x, 0.01, 2.0), direction: DVec3::NEG_Z };
         let (body, distance) = first_met(&down(0.01), &surfaces, &poses).unwrap();
         assert_eq!(body, 0);
         assert!((distance - 1.9).abs() < 2e-3, "{distance}");
         // Beside the ball, the box: turned about x, it is 0.4 m high.
-        let (body, distance) = first_met(&down(0.0995), &surfaces, &poses).unwrap();
+        let (body, distance) = first_met(&down(0.0998), &surfaces, &poses).unwrap();
         assert_eq!(body, 1);
         assert!((distance - 2.8).abs() < 1e-4, "{distance}");
         assert_eq!(first_met(&down(0.2), &surfaces, &poses), None);

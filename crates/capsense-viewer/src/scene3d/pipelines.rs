@@ -57,7 +57,7 @@ impl Kind {
     }
 
     fn hides(self) -> bool {
-        matches!(self, Self::Faces | Self::Slice)
+        self == Self::Faces
     }
 
     fn cull_mode(self) -> Option<wgpu::Face> {
@@ -159,9 +159,9 @@ fn pipeline(
     };
     let buffer =
         wgpu::VertexBufferLayout { array_stride: stride(kind), step_mode, attributes: kind.attributes() };
-    // Sheets and lines in the plane of a slice are in front of it.
+    // Sheets and lines in the plane of a slice, or on a board, are in front of it.
     let bias = match kind {
-        Kind::Slice => wgpu::DepthBiasState { constant: 8, slope_scale: 2.0, clamp: 0.0 },
+        Kind::Slice | Kind::Glass => wgpu::DepthBiasState { constant: 8, slope_scale: 2.0, clamp: 0.0 },
         _ => wgpu::DepthBiasState::default(),
     };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

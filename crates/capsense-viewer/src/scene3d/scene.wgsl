@@ -165,10 +165,12 @@ fn slice_fragment(in: SliceOut) -> @location(0) vec4<f32> {
     let step = max(fwidth(level), 1e-6);
     let apart = abs(fract(level - 0.5) - 0.5) / step;
     let line = (1.0 - smoothstep(0.2, 1.0, apart)) * clamp(1.2 - 3.0 * step, 0.0, 1.0);
+    // Where there is hardly a field, one sees what is behind.
+    let alpha = globals.scale.w * mix(0.05, 0.96, smoothstep(0.0, 0.16, part));
     let ink = select(vec3<f32>(1.0), vec3<f32>(0.0), part > 0.55);
-    let on_scale = f32(in.value < globals.scale.y && in.value > globals.scale.x);
+    let on_scale = f32(in.value < globals.scale.y && level > 0.5);
     colour = mix(colour, ink, 0.32 * line * on_scale);
-    return multiplied(vec4<f32>(colour, globals.scale.w));
+    return multiplied(vec4<f32>(colour, alpha));
 }
 
 // ---- bodies, half transparent

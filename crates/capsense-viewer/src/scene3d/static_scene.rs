@@ -45,6 +45,8 @@ pub(super) struct StaticScene {
     /// Of each edge of the network, or [`NO_EDGE`].
     pub(super) edge_ends: Vec<[u32; 2]>,
     pub(super) permittivity: Background,
+    /// How many elements stand together in a cell.
+    pub(super) elements_in_cell: usize,
 }
 
 /// An electrode as it is drawn.
@@ -93,6 +95,7 @@ impl StaticScene {
             tet_edges: edges_of_elements(mesh.tets(), edges),
             edge_ends: (0..edges.len()).map(|edge| edges.ends(edge).unwrap_or(NO_EDGE)).collect(),
             permittivity: mesh.relative_permittivity().clone(),
+            elements_in_cell: if matches!(edges, Edges::Lattice(_)) { 6 } else { 1 },
         }
     }
 
@@ -107,11 +110,11 @@ fn designed_shapes(scene: &Scene) -> Vec<&Electrode> {
     match &scene.sensor {
         SceneSensor::Generated { design, .. } => design.electrodes.iter().collect(),
         SceneSensor::Meshed { electrodes, .. } => {
-            let shape = |nodes| match nodes {
-                &ElectrodeNodes::Shape(ref shape) => Some(shape),
+            let shapes = electrodes.iter().filter_map(|(_, nodes)| match nodes {
+                ElectrodeNodes::Shape(shape) => Some(shape),
                 ElectrodeNodes::Nodes(_) => None,
-            };
-            electrodes.iter().filter_map(|(_, nodes)| shape(nodes)).collect()
+            });
+            shapes.collect()
         }
     }
 }
