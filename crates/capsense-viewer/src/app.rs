@@ -120,12 +120,14 @@ impl ViewerApp {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.data_panel(ui));
             });
         }
+        // In a low window the 3D view keeps its share.
+        let tallest = (0.5 * ui.available_height()).max(120.0);
         if panels.curves {
             Panel::bottom("curves")
                 .frame(frame)
                 .resizable(true)
                 .default_size(290.0)
-                .size_range(150.0..=600.0)
+                .size_range(120.0..=tallest)
                 .show(ui, |ui| {
                     let overlays = self.measurements.overlays(self.preferences.curves.axis);
                     self.curves.ui(ui, &self.session, &mut self.preferences.curves, &overlays);

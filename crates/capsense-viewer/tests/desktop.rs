@@ -142,7 +142,9 @@ fn places() -> [egui::Pos2; 2] {
     // The third number of the position is z.
     let numbers: Vec<egui::Rect> =
         harness.get_all_by_role(egui::accesskit::Role::SpinButton).map(|node| node.rect()).collect();
-    let label = harness.get_by_label("position").rect();
+    // The slice of the 3D view, further down, has a position too.
+    let labels = harness.get_all_by_label("position").map(|node| node.rect());
+    let label = labels.min_by(|a, b| a.top().total_cmp(&b.top())).unwrap();
     let row = numbers.iter().filter(|rect| (rect.center().y - label.center().y).abs() < 12.0);
     let z = row.max_by(|a, b| a.left().total_cmp(&b.left())).unwrap().center();
     [bar, z]

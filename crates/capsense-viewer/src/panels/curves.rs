@@ -14,6 +14,12 @@ use egui_plot::{
 /// A curve has no more points than this: more than a screen has columns.
 const MOST_POINTS: usize = 4000;
 
+/// Up to so many electrodes, all entries are shown at first.
+const FEW_ELECTRODES: usize = 4;
+
+/// Room for the switches of curves: two rows; more are scrolled to.
+const CHIPS_HEIGHT: f32 = 52.0;
+
 /// Room above and below curves, in parts of their height.
 const MARGIN: f64 = 0.06;
 
@@ -80,7 +86,12 @@ impl CurvesPanel {
         overlays: &[Overlay],
     ) {
         let electrodes = session.history.electrodes().len();
-        self.hidden.resize(electrodes * (electrodes + 1) / 2, false);
+        let entries = electrodes * (electrodes + 1) / 2;
+        if self.hidden.len() != entries {
+            // Of many electrodes only the self-capacitances are shown at first.
+            let is_hidden = |(row, column)| electrodes > FEW_ELECTRODES && row != column;
+            self.hidden = pairs(electrodes).map(is_hidden).collect();
+        }
         if self.tare.as_ref().is_some_and(|tare| tare.len() != self.hidden.len()) {
             self.tare = None;
         }
@@ -152,20 +163,24 @@ impl CurvesPanel {
             (None, TimeAxis::Scene) => nearest(samples, session.transport.time_s()),
             (None, TimeAxis::Session) => samples.last().copied(),
         };
-        ui.horizontal_wrapped(|ui| {
-            ui.spacing_mut().item_spacing = egui::vec2(6.0, 4.0);
-            for (entry, (row, column)) in pairs(electrodes.len()).enumerate() {
-                let value = read.map_or(String::new(), |sample| {
-                    preferences.unit.text(sample.farads[entry] - self.reference(session, preferences, entry))
-                });
-                let name = format!("{}–{}", electrodes[row], electrodes[column]);
-                let mut on = !self.hidden[entry];
-                chip(ui, &mut on, palette(entry), &name, &value);
-                self.hidden[entry] = !on;
-            }
-            if let (Some(time), Some(_)) = (self.cursor, read) {
-                ui.label(RichText::new(format!("at {time:.3} s")).color(faint(ui)).monospace());
-            }
+        egui::ScrollArea::vertical().max_height(CHIPS_HEIGHT).show(ui, |ui| {
+            ui.horizontal_wrapped(|ui| {
+                ui.spacing_mut().item_spacing = egui::vec2(6.0, 4.0);
+                for (entry, (row, column)) in pairs(electrodes.len()).enumerate() {
+                    let value = read.map_or(String::new(), |sample| {
+                        preferences
+                            .unit
+                            .text(sample.farads[entry] - self.reference(session, preferences, entry))
+                    });
+                    let name = format!("{}–{}", electrodes[row], electrodes[column]);
+                    let mut on = !self.hidden[entry];
+                    chip(ui, &mut on, palette(entry), &name, &value);
+                    self.hidden[entry] = !on;
+                }
+                if let (Some(time), Some(_)) = (self.cursor, read) {
+                    ui.label(RichText::new(format!("at {time:.3} s")).color(faint(ui)).monospace());
+                }
+            })
         });
     }
 
