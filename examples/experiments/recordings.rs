@@ -130,7 +130,7 @@ impl Grid {
     /// Self-capacitances of all electrodes with the limb in places.
     fn curves(&mut self, radius: f64, limbs: &[Limb]) -> anyhow::Result<Vec<Vec<f64>>> {
         let mut solids = Solids::new(&[Shape::Capsule { radius, length: LENGTH }])?;
-        let mut curves = vec![Vec::with_capacity(limbs.len()); 6];
+        let mut curves = vec![Vec::new(); 6];
         for limb in limbs {
             let rotation = DQuat::from_rotation_arc(DVec3::Z, limb.direction);
             solids.place(&[Pose { translation: limb.point, rotation }])?;
@@ -174,7 +174,7 @@ impl Limb {
 
 /// Place of an electrode in the sensor's frame: odd numbers at one side, even ones at the other.
 fn place_of(electrode: usize) -> [f64; 2] {
-    let side = if electrode % 2 == 0 { 0.5 } else { -0.5 };
+    let side = if electrode.is_multiple_of(2) { 0.5 } else { -0.5 };
     [PITCH[0] * (1.0 - (electrode / 2) as f64), PITCH[1] * side]
 }
 

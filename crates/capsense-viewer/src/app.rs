@@ -20,6 +20,9 @@ use std::time::{Duration, Instant};
 /// Under which preferences are kept.
 const PREFERENCES: &str = "preferences";
 
+/// A window of less points is narrow.
+const NARROW: f32 = 1000.0;
+
 /// How long nothing must have moved before error bars are told.
 const REST: Duration = Duration::from_millis(500);
 
@@ -109,20 +112,39 @@ impl ViewerApp {
         Panel::bottom("status")
             .frame(frame.inner_margin(egui::Margin::symmetric(10, 4)))
             .show(ui, |ui| status::ui(ui, &mut self.session));
+        // In a narrow window curves and transport need all of its width.
+        let is_narrow = ui.available_width() < NARROW;
+        if is_narrow {
+            self.time_panels(ui);
+        }
+        self.side_panels(ui, if is_narrow { 200.0 } else { 292.0 });
+        if !is_narrow {
+            self.time_panels(ui);
+        }
+        CentralPanel::default().frame(frame.inner_margin(0)).show(ui, |ui| self.view(ui));
+    }
+
+    fn side_panels(&mut self, ui: &mut Ui, width: f32) {
+        let frame = panel_frame(ui);
         let panels = self.preferences.panels.clone();
         if panels.scene {
-            Panel::left("scene").frame(frame).default_size(292.0).size_range(250.0..=420.0).show(ui, |ui| {
+            Panel::left("scene").frame(frame).default_size(width).size_range(200.0..=420.0).show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.scene_panel(ui));
             });
         }
         if panels.data {
-            Panel::right("data").frame(frame).default_size(292.0).size_range(240.0..=480.0).show(ui, |ui| {
+            Panel::right("data").frame(frame).default_size(width).size_range(200.0..=480.0).show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.data_panel(ui));
             });
         }
+    }
+
+    /// The curves and, above them, the transport.
+    fn time_panels(&mut self, ui: &mut Ui) {
+        let frame = panel_frame(ui);
         // In a low window the 3D view keeps its share.
         let tallest = (0.5 * ui.available_height()).max(120.0);
-        if panels.curves {
+        if self.preferences.panels.curves {
             Panel::bottom("curves")
                 .frame(frame)
                 .resizable(true)
@@ -136,7 +158,6 @@ impl ViewerApp {
         Panel::bottom("transport").frame(frame.inner_margin(egui::Margin::symmetric(10, 5))).show(ui, |ui| {
             transport::ui(ui, &mut self.session);
         });
-        CentralPanel::default().frame(frame.inner_margin(0)).show(ui, |ui| self.view(ui));
     }
 
     fn scene_panel(&mut self, ui: &mut Ui) {

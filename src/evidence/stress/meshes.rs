@@ -39,7 +39,7 @@ pub(super) fn on_lattice() -> Result<Sensor, SensorError> {
 /// The stripes on cells of 10 to 50 mm, with cells a `ratio` smaller on both sides of the electrodes' plane and edges.
 pub(super) fn with_jumps(ratio: f64) -> Result<Sensor, SensorError> {
     let xs = vec![-0.25, -0.2, -0.15, -0.1, -0.05, -0.025, 0.0, 0.025, 0.05, 0.1, 0.15, 0.2, 0.25];
-    let ys = vec![-0.25, -0.2, -0.15, -0.1, -0.06, -0.025, -0.015, -0.005];
+    let ys = [-0.25, -0.2, -0.15, -0.1, -0.06, -0.025, -0.015, -0.005];
     let ys: Vec<f64> = ys.iter().copied().chain([0.0]).chain(ys.iter().rev().map(|y| -y)).collect();
     let zs = vec![-0.05, -0.025, 0.0, 0.02, 0.04, 0.06, 0.08, 0.11, 0.15, 0.2, 0.26, 0.33, 0.45];
     let axes = [
