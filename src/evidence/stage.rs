@@ -18,6 +18,9 @@ pub const STEP: f64 = 1e-3;
 /// By how much the bar is turned about the sensor's axis, in radians.
 pub const YAW: f64 = 0.35;
 
+/// Columns and rows of the depth camera.
+pub const PIXELS: usize = 64;
+
 /// Frames of one segment of the way.
 pub const FRAMES: usize = 21;
 
@@ -95,7 +98,8 @@ impl Stage {
     /// # Errors
     /// When the built-in scene is not one box near electrodes on a generated mesh.
     pub fn new(segments: &[Segment]) -> Result<Self, EvidenceError> {
-        let scene = Scene::built_in()?;
+        let mut scene = Scene::built_in()?;
+        (scene.view.width, scene.view.height) = (PIXELS, PIXELS);
         let (SceneSensor::Generated { design, .. }, [object]) = (&scene.sensor, scene.objects.as_slice())
         else {
             return Err(EvidenceError::Stage);
