@@ -116,34 +116,55 @@ impl ViewerApp {
         let is_narrow = ui.available_width() < NARROW;
         if is_narrow {
             self.time_panels(ui);
-        }
-        self.side_panels(ui, if is_narrow { 200.0 } else { 292.0 });
-        if !is_narrow {
+            self.side_panel(ui);
+        } else {
+            self.side_panels(ui);
             self.time_panels(ui);
         }
         CentralPanel::default().frame(frame.inner_margin(0)).show(ui, |ui| self.view(ui));
     }
 
-    fn side_panels(&mut self, ui: &mut Ui, width: f32) {
+    fn side_panels(&mut self, ui: &mut Ui) {
         let frame = panel_frame(ui);
         let panels = self.preferences.panels.clone();
         if panels.scene {
-            Panel::left("scene").frame(frame).default_size(width).size_range(200.0..=420.0).show(ui, |ui| {
+            Panel::left("scene").frame(frame).default_size(292.0).size_range(250.0..=420.0).show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.scene_panel(ui));
             });
         }
         if panels.data {
-            Panel::right("data").frame(frame).default_size(width).size_range(200.0..=480.0).show(ui, |ui| {
+            Panel::right("data").frame(frame).default_size(292.0).size_range(240.0..=480.0).show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.data_panel(ui));
             });
         }
+    }
+
+    /// Both side panels in one, for windows that have no room for two.
+    fn side_panel(&mut self, ui: &mut Ui) {
+        let panels = self.preferences.panels.clone();
+        if !panels.scene && !panels.data {
+            return;
+        }
+        Panel::left("sides").frame(panel_frame(ui)).default_size(270.0).size_range(240.0..=420.0).show(
+            ui,
+            |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    if panels.data {
+                        self.data_panel(ui);
+                    }
+                    if panels.scene {
+                        self.scene_panel(ui);
+                    }
+                });
+            },
+        );
     }
 
     /// The curves and, above them, the transport.
     fn time_panels(&mut self, ui: &mut Ui) {
         let frame = panel_frame(ui);
         // In a low window the 3D view keeps its share.
-        let tallest = (0.5 * ui.available_height()).max(120.0);
+        let tallest = (0.45 * ui.available_height()).max(120.0);
         if self.preferences.panels.curves {
             Panel::bottom("curves")
                 .frame(frame)
