@@ -6,14 +6,15 @@ use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
 use crate::panels::measurements::Measurements;
 use crate::panels::performance::Performance;
 use crate::panels::{matrix, objects, simulation, transport};
-use crate::preferences::{Preferences, Theme};
+use crate::preferences::{CurvePreferences, Preferences, Theme};
 use crate::scene3d::{BodyPose, Scene3d};
 use crate::session::{Bars, Message, Session};
 use crate::start::Start;
 use crate::style::{self, panel_frame, section};
 use crate::{export, shortcuts, status};
 use egui::{CentralPanel, Panel, ScrollArea, Ui};
-use egui_wgpu::RenderState;
+use egui_wgpu::wgpu::{DeviceType, PresentMode};
+use egui_wgpu::{RenderState, SurfaceConfig};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,11 @@ const PREFERENCES: &str = "preferences";
 
 /// A window of less points is narrow.
 const NARROW: f32 = 1000.0;
+
+/// Where the processor draws, a frame that is late by little must not wait for the next beat of the display as well, and the next
+/// one may begin while it is drawn.
+const ON_SOFTWARE: SurfaceConfig =
+    SurfaceConfig { present_mode: PresentMode::AutoNoVsync, desired_maximum_frame_latency: Some(2) };
 
 /// How long nothing must have moved before error bars are told.
 const REST: Duration = Duration::from_millis(500);
@@ -172,7 +178,11 @@ impl ViewerApp {
                 .default_size(290.0)
                 .size_range(120.0..=tallest)
                 .show(ui, |ui| {
-                    let overlays = self.measurements.overlays(self.preferences.curves.axis);
+                    let CurvePreferences { axis, as_read, .. } = self.preferences.curves;
+                    let mut overlays = self.measurements.overlays(axis);
+                    if as_read {
+                        overlays.extend(self.session.history.readings(axis));
+                    }
                     self.curves.ui(ui, &self.session, &mut self.preferences.curves, &overlays);
                 });
         }
@@ -399,7 +409,13 @@ impl ViewerApp {
 }
 
 impl eframe::App for ViewerApp {
-    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
+        let is_software = frame
+            .wgpu_render_state()
+            .is_some_and(|state| state.adapter.get_info().device_type == DeviceType::Cpu);
+        if is_software {
+            frame.set_wgpu_surface_config(ON_SOFTWARE);
+        }
         self.show(ui);
     }
 

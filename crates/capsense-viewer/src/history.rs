@@ -4,6 +4,7 @@
 
 use crate::worker::Computed;
 use capsense::core::capacitance::CapacitanceMatrix;
+use capsense::core::measurement::{MeasurementModel, Reading};
 use capsense::core::solver::SolveReport;
 use capsense::pipeline::Milliseconds;
 use std::collections::BTreeMap;
@@ -31,12 +32,25 @@ pub struct Sample {
     pub time_s: f64,
     /// Upper triangle of the Maxwell matrix, row by row, in farads.
     pub farads: Vec<f64>,
+    /// What converters read, channel by channel.
+    pub readings: Vec<Reading>,
     /// Edges of the mesh that changed.
     pub changed_edges: usize,
     /// What the solver did.
     pub solve: SolveReport,
     /// Where the time went.
     pub milliseconds: Milliseconds,
+}
+
+/// A dashed line beside the computed ones: its points and what it is drawn in.
+#[derive(Clone, Debug)]
+pub struct Overlay {
+    /// What it is called.
+    pub name: String,
+    /// The entry of the matrix that it is compared with.
+    pub entry: usize,
+    /// Time in seconds and value in farads.
+    pub points: Vec<[f64; 2]>,
 }
 
 /// Indices of the upper triangle, row by row.
@@ -54,18 +68,30 @@ pub fn upper_triangle(matrix: &CapacitanceMatrix) -> Vec<f64> {
 pub struct History {
     electrodes: Vec<String>,
     base: Vec<f64>,
+    /// The entries that converters read, and whether they tell codes.
+    channels: Vec<[usize; 2]>,
+    has_codes: bool,
     session: Vec<Sample>,
     scene: BTreeMap<usize, Sample>,
 }
 
 impl History {
-    /// Curves of these electrodes, whose capacitances without objects are `base`. Those of the session go on if the
-    /// electrodes are the same.
-    pub fn begin(&mut self, electrodes: &[String], base: &CapacitanceMatrix) {
-        if self.electrodes != electrodes {
+    /// Curves of these electrodes, whose capacitances without objects are `base`. Those of the session go on if electrodes
+    /// and channels are the same.
+    pub fn begin(
+        &mut self,
+        electrodes: &[String],
+        base: &CapacitanceMatrix,
+        converters: Option<&MeasurementModel>,
+    ) {
+        let channels = converters.iter().flat_map(|model| &model.channels);
+        let channels: Vec<_> = channels.map(|channel| [channel.row, channel.column]).collect();
+        if self.electrodes != electrodes || self.channels != channels {
             self.session.clear();
             self.electrodes = electrodes.to_vec();
+            self.channels = channels;
         }
+        self.has_codes = converters.is_some_and(|model| model.converter.is_some());
         self.scene.clear();
         self.base = upper_triangle(base);
     }
@@ -77,6 +103,7 @@ impl History {
             frame: frame.index,
             time_s: frame.time_s,
             farads: upper_triangle(&frame.capacitance),
+            readings: computed.readings.clone(),
             changed_edges: frame.changed_edges,
             solve: frame.solve,
             milliseconds: frame.milliseconds,
@@ -124,6 +151,26 @@ impl History {
         self.session.last()
     }
 
+    /// Whether converters read the sensor.
+    pub fn has_converters(&self) -> bool {
+        !self.channels.is_empty()
+    }
+
+    /// What converters read over a time axis, one curve for each channel.
+    pub fn readings(&self, axis: TimeAxis) -> Vec<Overlay> {
+        let samples = self.samples(axis);
+        let curve = |(channel, &[row, column]): (usize, &[usize; 2])| {
+            let [first, second] = [row.min(column), row.max(column)];
+            let point = |sample: &&Sample| Some([sample.time_s, sample.readings.get(channel)?.farads]);
+            Overlay {
+                name: format!("{}–{}, as read", self.electrodes[row], self.electrodes[column]),
+                entry: pairs(self.electrodes.len()).take_while(|pair| *pair != (first, second)).count(),
+                points: samples.iter().filter_map(point).collect(),
+            }
+        };
+        self.channels.iter().enumerate().map(curve).collect()
+    }
+
     /// Samples in the order in which they were computed.
     pub fn session(&self) -> &[Sample] {
         &self.session
@@ -135,7 +182,13 @@ impl History {
         for (row, column) in pairs(self.electrodes.len()) {
             let _ = write!(text, ",C_{}_{}_F", self.electrodes[row], self.electrodes[column]);
         }
-        text += ",changed_edges,iterations,geometry_ms,update_ms,solve_ms\n";
+        text += ",changed_edges,iterations,geometry_ms,update_ms,solve_ms";
+        for [row, column] in &self.channels {
+            let name = format!("{}_{}", self.electrodes[*row], self.electrodes[*column]);
+            let raw = if self.has_codes { format!(",raw_{name}") } else { String::new() };
+            let _ = write!(text, "{raw},measured_{name}_F");
+        }
+        text.push('\n');
         for (index, sample) in self.samples(axis).into_iter().enumerate() {
             // Over the session, frames of the scene come in any order; rows are numbered then.
             let frame = if axis == TimeAxis::Session { index } else { sample.frame };
@@ -145,7 +198,12 @@ impl History {
             }
             let Milliseconds { geometry, update, solve, .. } = sample.milliseconds;
             let (edges, iterations) = (sample.changed_edges, sample.solve.iterations);
-            let _ = writeln!(text, ",{edges},{iterations},{geometry},{update},{solve}");
+            let _ = write!(text, ",{edges},{iterations},{geometry},{update},{solve}");
+            for reading in &sample.readings {
+                let raw = reading.raw.map_or_else(String::new, |code| format!(",{code}"));
+                let _ = write!(text, "{raw},{:e}", reading.farads);
+            }
+            text.push('\n');
         }
         text
     }

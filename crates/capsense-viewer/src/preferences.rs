@@ -46,6 +46,8 @@ pub struct CurvePreferences {
     pub axis: TimeAxis,
     /// Each curve from its least value at 0 to its greatest at 1.
     pub normalised: bool,
+    /// What the scene's converters read beside the true values.
+    pub as_read: bool,
     /// Seconds that a scrolling axis shows.
     pub window_s: f64,
 }
@@ -57,6 +59,7 @@ impl Default for CurvePreferences {
             unit: Unit::default(),
             axis: TimeAxis::Scene,
             normalised: false,
+            as_read: true,
             window_s: 20.0,
         }
     }

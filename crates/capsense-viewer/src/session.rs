@@ -334,7 +334,7 @@ impl Session {
         }
         let warning = |text: &String| Message { text: text.clone(), severity: Severity::Warning };
         self.message = scene.warnings.first().map(warning);
-        self.history.begin(&scene.electrodes, &base);
+        self.history.begin(&scene.electrodes, &base, scene.measurement.as_ref());
         self.transport.set_length(scene.frames, scene.frame_rate);
         self.held.resize(scene.objects.len(), None);
         self.selected = self.selected.filter(|&object| object < scene.objects.len());

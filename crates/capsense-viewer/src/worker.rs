@@ -8,6 +8,7 @@ use crate::scene3d::{Frame3d, Frame3dBuilder};
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::core::estimate::ErrorBars;
 use capsense::core::geometry::Pose;
+use capsense::core::measurement::{Measurement, Reading};
 use capsense::core::occupancy::Contact;
 use capsense::core::sensor::Sensor;
 use capsense::run_folder::MeshSize;
@@ -71,6 +72,8 @@ pub struct Computed {
     pub poses: Vec<Pose>,
     /// Conductors that touch electrodes.
     pub contacts: Vec<Contact>,
+    /// What the scene's converters read, channel by channel, if it has any.
+    pub readings: Vec<Reading>,
 }
 
 /// What the worker has to say.
@@ -236,6 +239,18 @@ struct Open {
     scene: Arc<Scene>,
     pipeline: Pipeline,
     pictures: Frame3dBuilder,
+    /// The scene's converters. Each computed frame is one scan, in whichever order frames are asked for.
+    measurement: Option<Measurement>,
+    scans: u64,
+}
+
+impl Open {
+    fn read(&mut self, capacitance: &CapacitanceMatrix) -> Vec<Reading> {
+        let time_s = self.scans as f64 / self.scene.frame_rate;
+        self.scans += 1;
+        let measurement = self.measurement.as_mut();
+        measurement.map_or_else(Vec::new, |measurement| measurement.measure(time_s, capacitance).to_vec())
+    }
 }
 
 /// The thread's end.
@@ -319,6 +334,7 @@ impl Desk {
         let scene = Scene::parse(&text.name, &text.text, &text.folder)?;
         let sensor = self.sensor(&scene)?;
         let pipeline = Pipeline::with_sensor(&scene, sensor)?;
+        let measurement = scene.measurement(pipeline.simulator().base())?;
         let scene = Arc::new(scene);
         self.estimator = None;
         self.last = None;
@@ -330,7 +346,7 @@ impl Desk {
             renderer: pipeline.renderer().to_owned(),
         })));
         let pictures = Frame3dBuilder::new(&scene, &pipeline);
-        self.open = Some(Open { number, scene, pipeline, pictures });
+        self.open = Some(Open { number, scene, pipeline, pictures, measurement, scans: 0 });
         Ok(())
     }
 
@@ -372,14 +388,17 @@ impl Desk {
 
     /// Tells of a frame, and makes a picture of it if the window has taken the one before. Returns whether it did.
     fn publish(&mut self, frame: Frame) -> bool {
-        let Some(open) = &self.open else { return false };
+        let Some(open) = &mut self.open else { return false };
+        let readings = open.read(&frame.capacitance);
         self.last = Some(frame.clone());
-        self.tell(News::Frame(Box::new(Computed {
+        let computed = Computed {
             scene: open.number,
             frame,
             poses: open.pipeline.poses().to_vec(),
             contacts: open.pipeline.simulator().contacts().to_vec(),
-        })));
+            readings,
+        };
+        self.tell(News::Frame(Box::new(computed)));
         let is_taken = lock(&self.shared.outbox).view.is_none();
         if is_taken {
             self.publish_view();

@@ -290,3 +290,22 @@ fn the_readme_calls_the_viewer_as_it_is() {
         assert!(message.contains("the window could not be opened"), "{message}");
     }
 }
+
+#[test]
+fn what_converters_read_is_drawn_and_exported() {
+    let converters =
+        "[measurement]\nchannels = [[\"E2\", \"E1\"]]\nconverter = { step = 1e-15, bits = 16 }\n";
+    let mut harness = ready(&format!("{SCENE}{converters}"));
+    harness.state_mut().session.run(0..5);
+    settle(&mut harness);
+    let history = &harness.state().session.history;
+    let [read] = &history.readings(TimeAxis::Scene)[..] else { panic!("one channel") };
+    assert_eq!((read.entry, read.points.len()), (1, 5), "{read:?}");
+    let table = history.to_csv(TimeAxis::Scene);
+    let columns: Vec<usize> = table.lines().map(|line| line.split(',').count()).collect();
+    assert!(table.lines().next().unwrap().ends_with("raw_E1_E2,measured_E1_E2_F"), "{table}");
+    assert!(columns.iter().all(|count| *count == columns[0]), "{table}");
+    harness.get_by_label("as read").click();
+    harness.run_steps(2);
+    assert!(!harness.state().preferences.curves.as_read);
+}

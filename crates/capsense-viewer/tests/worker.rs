@@ -162,3 +162,35 @@ fn bars_are_told_of_the_last_frame() {
     let bars = bars.as_ref().as_ref().unwrap();
     assert!(bars.capacitance.get(0, 0) > 0.0);
 }
+
+/// A converter of 12 bits in steps of 1 fF reads two entries of each computed frame, whichever frame that is.
+#[test]
+fn converters_read_every_frame() {
+    let converters = "[measurement]\nchannels = [[\"E1\", \"E1\"], [\"E2\", \"E1\"]]\n\
+                      converter = { step = 1e-15, bits = 12, zero = 2048 }\n\
+                      offset_dac = { step = 1e-15, largest = 10000 }\n";
+    let worker = worker();
+    worker.load(1, text(&format!("{SCENE}{converters}")));
+    let mut news = settle(&worker);
+    for range in [0..3, 2..3, 0..1] {
+        worker.compute(frames(1, range));
+        news.extend(settle(&worker));
+    }
+    let mut read = 0;
+    for news in news {
+        let computed = match news {
+            News::Frame(computed) => computed,
+            News::Failed { message, .. } => panic!("{message}"),
+            News::Loaded(_) | News::Bars(_) => continue,
+        };
+        let truth = [(0, 0), (0, 1)].map(|(i, j)| computed.frame.capacitance.get(i, j));
+        assert_eq!(computed.readings.len(), truth.len());
+        for (reading, truth) in computed.readings.iter().zip(truth) {
+            assert!(reading.raw.is_some_and(|code| (1..4095).contains(&code)), "{reading:?}");
+            let off = (reading.farads - truth).abs();
+            assert!(off <= 0.51e-15, "{reading:?} {truth:e}");
+            read += usize::from(off > 0.0);
+        }
+    }
+    assert_eq!(read, 10, "readings are rounded");
+}

@@ -1,6 +1,6 @@
 //! Curves of chosen entries of the Maxwell matrix, over the time of the session or of the scene's trajectories.
 
-use crate::history::{Sample, TimeAxis, pairs};
+use crate::history::{Overlay, Sample, TimeAxis, pairs};
 use crate::palette::palette;
 use crate::preferences::CurvePreferences;
 use crate::quantity::{Quantity, Unit};
@@ -22,17 +22,6 @@ const CHIPS_HEIGHT: f32 = 52.0;
 
 /// Room above and below curves, in parts of their height.
 const MARGIN: f64 = 0.06;
-
-/// A dashed line beside the computed ones: its points and what it is drawn in.
-#[derive(Clone, Debug)]
-pub struct Overlay {
-    /// What it is called.
-    pub name: String,
-    /// The entry of the matrix that it is compared with.
-    pub entry: usize,
-    /// Time in seconds and value in farads.
-    pub points: Vec<[f64; 2]>,
-}
 
 /// What the panel remembers while the window is open.
 #[derive(Debug, Default)]
@@ -125,6 +114,10 @@ impl CurvesPanel {
             }
             ui.toggle_value(&mut preferences.normalised, "normalised")
                 .on_hover_text("each curve from its least value at 0 to its greatest at 1");
+            if session.history.has_converters() {
+                ui.toggle_value(&mut preferences.as_read, "as read")
+                    .on_hover_text("what the scene's converters read, dashed");
+            }
             ui.separator();
             if preferences.axis == TimeAxis::Session {
                 let text = if self.is_paused() { "follow" } else { "hold" };

@@ -1,10 +1,9 @@
 //! Measured curves beside the computed ones: recordings from files, and a board that is connected now.
 
-use crate::history::{TimeAxis, pairs};
+use crate::history::{Overlay, TimeAxis, pairs};
 use crate::live::{Connection, LiveSource};
 use crate::measured::{Channel, Measured};
 use crate::palette::palette;
-use crate::panels::curves::Overlay;
 use crate::session::Session;
 use crate::style::{chip, error_colour, faint, named, row};
 use capsense::series::Curve;
