@@ -13,8 +13,7 @@ use crate::start::Start;
 use crate::style::{self, panel_frame, section};
 use crate::{export, shortcuts, status};
 use egui::{CentralPanel, Panel, ScrollArea, Ui};
-use egui_wgpu::wgpu::{DeviceType, PresentMode};
-use egui_wgpu::{RenderState, SurfaceConfig};
+use egui_wgpu::RenderState;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -23,11 +22,6 @@ const PREFERENCES: &str = "preferences";
 
 /// A window of less points is narrow.
 const NARROW: f32 = 1000.0;
-
-/// Where the processor draws, a frame that is late by little must not wait for the next beat of the display as well, and the next
-/// one may begin while it is drawn.
-const ON_SOFTWARE: SurfaceConfig =
-    SurfaceConfig { present_mode: PresentMode::AutoNoVsync, desired_maximum_frame_latency: Some(2) };
 
 /// How long nothing must have moved before error bars are told.
 const REST: Duration = Duration::from_millis(500);
@@ -409,13 +403,7 @@ impl ViewerApp {
 }
 
 impl eframe::App for ViewerApp {
-    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
-        let is_software = frame
-            .wgpu_render_state()
-            .is_some_and(|state| state.adapter.get_info().device_type == DeviceType::Cpu);
-        if is_software {
-            frame.set_wgpu_surface_config(ON_SOFTWARE);
-        }
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         self.show(ui);
     }
 
