@@ -2,8 +2,12 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test")]
 
+#[path = "support/boards.rs"]
+mod boards;
+
+use boards::streams;
 use capsense_hw::profile::{built_in, built_in_names};
-use capsense_hw::stream::{Decoder, Encoder, Sample, Start, Value};
+use capsense_hw::stream::{Decoder, Start};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -37,28 +41,11 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static COUNTING: Counting = Counting;
 
-/// Samples, damaged samples, and what never ends.
-fn streams(name: &str) -> Vec<Vec<u8>> {
-    let format = built_in(name).unwrap().stream;
-    let encoder = Encoder::new(&format).unwrap();
-    let mut sound = Vec::new();
-    for sequence in 0..2000u32 {
-        let value = |channel: u32| Value::Number(f64::from(sequence.wrapping_mul(37 + channel) % 4096));
-        let values: Vec<Value> = (0..format.channels().unwrap_or(4) as u32).map(value).collect();
-        encoder
-            .encode(&Sample { values: &values, sequence: Some(sequence), ..Sample::default() }, &mut sound);
-    }
-    let mut damaged = sound.clone();
-    damaged.iter_mut().step_by(97).for_each(|byte| *byte ^= 0x55);
-    let endless = |byte: u8| vec![byte; 200_000];
-    vec![sound, damaged, endless(b'7'), endless(0), endless(0x4C), endless(b','), endless(b'\n')]
-}
-
 #[test]
 fn decoders_ask_for_no_memory() {
     for name in built_in_names() {
         let format = built_in(name).unwrap().stream;
-        for (index, stream) in streams(name).iter().enumerate() {
+        for (index, stream) in streams(name, 200_000).iter().enumerate() {
             let mut decoder = Decoder::new(&format, Start::Anywhere).unwrap();
             let mut events = 0;
             let before = ALLOCATIONS.load(Ordering::Relaxed);
