@@ -34,6 +34,7 @@
 pub mod curve_table;
 pub mod error_bars;
 pub mod evidence;
+pub mod frame_table;
 pub mod gmsh;
 pub mod motion;
 pub mod pipeline;

@@ -8,10 +8,11 @@ use capsense::evidence::ladder::{PAPER, USUAL};
 use capsense::evidence::measure::measure;
 use capsense::evidence::pareto::front;
 use capsense::evidence::reference::{BUILT_IN, Provenance, Reference, ReferenceMethod, ReferenceValue};
-use capsense::evidence::setting::{MeshPlan, Setting, Source, Storage};
+use capsense::evidence::setting::{MeshPlan, Setting, Storage};
 use capsense::evidence::stage::{COMPARED, Patience, SEGMENTS, Stage};
 use capsense::evidence::table::{Row, from_csv, to_csv};
 use capsense::evidence::timing;
+use capsense::scene::GeometrySource;
 use capsense_core::occupancy::Interface;
 use common::capsense;
 
@@ -44,7 +45,7 @@ fn tiny_ladder() -> Vec<Setting> {
     vec![
         usual,
         Setting { storage: Storage::Csr, ..usual },
-        Setting { geometry: Source::Camera, ..usual },
+        Setting { geometry: GeometrySource::Camera, ..usual },
         Setting { interface: Interface::Centroid, ..usual },
         Setting { mesh: MeshPlan::Uniform(3_000), ..usual },
         Setting { mesh: MeshPlan::Adapted(7_000), patience: Patience::Little, ..PAPER },

@@ -11,7 +11,7 @@ use capsense_hw::stream::{Encoder, Sample, Value};
 use common::capsense;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 const SAMPLES: u32 = 60;
@@ -65,6 +65,19 @@ fn lines_and_tables_are_those_of_the_export() {
     }
 }
 
+/// A replay to a pseudo-terminal that goes on, and the path of that.
+fn replayed(folder: &Path, speed: &str) -> (Child, String) {
+    let mut replay = Command::new(env!("CARGO_BIN_EXE_capsense"))
+        .args(["replay", "a.mcap", "--to", "pty", "--speed", speed])
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut port = String::new();
+    BufReader::new(replay.stdout.take().unwrap()).read_line(&mut port).unwrap();
+    (replay, port.trim().to_owned())
+}
+
 /// Every sample arrives at who reads the pseudo-terminal, the last one too, at whatever speed.
 #[test]
 fn a_replay_at_a_pseudo_terminal_is_recorded_whole() {
@@ -72,17 +85,9 @@ fn a_replay_at_a_pseudo_terminal_is_recorded_whole() {
     recording(folder.path());
     expect(folder.path(), &["export", "a.mcap", "--out", "a.csv"]);
     for speed in ["max", "1"] {
-        let mut replay = Command::new(env!("CARGO_BIN_EXE_capsense"))
-            .args(["replay", "a.mcap", "--to", "pty", "--speed", speed])
-            .current_dir(folder.path())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut port = String::new();
-        BufReader::new(replay.stdout.take().unwrap()).read_line(&mut port).unwrap();
+        let (mut replay, port) = replayed(folder.path(), speed);
         let file = format!("{speed}.mcap");
-        let record =
-            ["record", "--port", port.trim(), "--device", "fdc2214", "--seconds", "2", "--out", &file];
+        let record = ["record", "--port", &port, "--device", "fdc2214", "--seconds", "2", "--out", &file];
         expect(folder.path(), &record);
         drop(replay.kill());
         replay.wait().unwrap();
@@ -122,16 +127,9 @@ fn a_recording_that_loses_too_much_fails() {
     let folder = tempfile::tempdir().unwrap();
     recording(folder.path());
     for (allowed, code) in [("0.01", 1), ("1", 0)] {
-        let mut replay = Command::new(env!("CARGO_BIN_EXE_capsense"))
-            .args(["replay", "a.mcap", "--to", "pty"])
-            .current_dir(folder.path())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut port = String::new();
-        BufReader::new(replay.stdout.take().unwrap()).read_line(&mut port).unwrap();
+        let (mut replay, port) = replayed(folder.path(), "1");
         let file = format!("{allowed}.mcap");
-        let record = ["record", "--port", port.trim(), "--device", "marker-u16", "--seconds", "1.5"];
+        let record = ["record", "--port", &port, "--device", "marker-u16", "--seconds", "1.5"];
         let outcome =
             capsense(folder.path(), &[&record[..], &["--max-loss", allowed, "--out", &file]].concat());
         drop(replay.kill());

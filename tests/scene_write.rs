@@ -7,8 +7,9 @@ use capsense::core::glam::{DQuat, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
 use capsense::core::occupancy::Interface;
 use capsense::core::solver::Preconditioner;
+use capsense::scene::GeometrySource;
 use capsense::scene::Scene;
-use capsense::scene::write::{GeometrySource, NewShape, SceneDocument};
+use capsense::scene::write::{NewShape, SceneDocument};
 use std::path::{Path, PathBuf};
 
 fn assets() -> Vec<PathBuf> {
@@ -33,7 +34,7 @@ fn set_everything_again(document: &mut SceneDocument, scene: &Scene) {
         document.set_material(index, object.material);
     }
     document.set_interface(scene.interface);
-    document.set_geometry(GeometrySource::of(scene));
+    document.set_geometry(GeometrySource::of(&scene.geometry));
     document.set_tolerance(scene.solver.tolerance);
     document.set_preconditioner(scene.solver.preconditioner);
     document.set_threads(scene.threads);
@@ -91,7 +92,7 @@ fn every_change_is_read_back() {
     assert_eq!(scene.frames, 1, "the bar rests");
     assert_eq!(scene.objects[0].material, person);
     assert_eq!(scene.objects[3].material, water);
-    assert_eq!(GeometrySource::of(&scene), GeometrySource::Solids);
+    assert_eq!(GeometrySource::of(&scene.geometry), GeometrySource::Solids);
     assert_eq!(scene.interface, Interface::VolumeFraction);
     assert_eq!(scene.solver.preconditioner, Preconditioner::Ic0);
     assert_eq!((scene.solver.tolerance, scene.threads), (3e-6, 3));

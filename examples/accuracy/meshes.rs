@@ -11,6 +11,7 @@ use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
 use capsense::core::workspace::{Change, MeshRequest, WorkspaceError};
+use capsense::evidence::clock::thread_seconds;
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -246,10 +247,8 @@ fn milliseconds(sensor: &Sensor) -> Result<[f64; 2]> {
     Ok(means)
 }
 
-/// How long this thread has been running, in seconds, where the system tells it (Linux does); else since it began. Other
-/// programs count for less then, but they take room in caches.
+/// Processor time of this thread where the system tells it, else since it began. Other programs count for less then, but they
+/// take room in caches.
 fn seconds(began: &Instant) -> f64 {
-    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    let nanoseconds = told.and_then(|told| told.split_whitespace().next()?.parse::<f64>().ok());
-    nanoseconds.map_or_else(|| began.elapsed().as_secs_f64(), |nanoseconds| 1e-9 * nanoseconds)
+    thread_seconds().unwrap_or_else(|| began.elapsed().as_secs_f64())
 }

@@ -1,10 +1,9 @@
 //! `capacitance.svg`: how every entry of the Maxwell matrix changes over time.
 
-use super::csv_table::upper_triangle;
 use super::text::Prefix;
 use anyhow::anyhow;
 use capsense::Frame;
-use capsense::core::capacitance::CapacitanceMatrix;
+use capsense::core::capacitance::{CapacitanceMatrix, upper_triangle};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;

@@ -1,14 +1,13 @@
 //! `capsense device`: a running simulation that talks like a board.
 
 use super::BadInput;
-use super::csv_table::upper_triangle;
 use super::device_profile::{LINGER, find_profile};
 use super::interrupt::Interrupt;
 use super::load_scene;
 use super::output::print_out;
 use anyhow::Context;
 use capsense::Pipeline;
-use capsense::core::capacitance::CapacitanceMatrix;
+use capsense::core::capacitance::{CapacitanceMatrix, upper_triangle};
 use capsense::core::measurement::Measurement;
 use capsense_hw::PseudoPort;
 use capsense_hw::profile::{DeviceProfile, Meaning};

@@ -39,24 +39,9 @@ impl MeasurementLog {
         }
     }
 
-    /// Names of the columns: `raw_A_B`, where there are codes, and `measured_A_B_F`.
-    pub(super) fn columns(&self, scene: &Scene) -> Vec<String> {
-        let has_codes = scene.measurement.as_ref().is_some_and(|model| model.converter.is_some());
-        let channels = self.measurement.iter().flat_map(Measurement::channels);
-        let of_channel = channels.flat_map(|channel| {
-            let [first, second] = [channel.row, channel.column].map(|index| &scene.electrodes[index]);
-            let raw = has_codes.then(|| format!("raw_{first}_{second}"));
-            raw.into_iter().chain([format!("measured_{first}_{second}_F")])
-        });
-        of_channel.collect()
-    }
-
-    /// A frame's values in the order of the columns; frames are counted as they were noted.
-    pub(super) fn values(&self, frame: usize) -> impl Iterator<Item = String> {
-        self.readings.get(frame).into_iter().flatten().flat_map(|reading| {
-            let raw = reading.raw.map(|code| code.to_string());
-            raw.into_iter().chain([format!("{:e}", reading.farads)])
-        })
+    /// The readings of each frame; none where nothing reads.
+    pub(super) fn of_frame(&self, frame: usize) -> Vec<Reading> {
+        self.readings.get(frame).cloned().unwrap_or_default()
     }
 
     /// For `report.json`.

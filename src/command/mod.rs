@@ -4,7 +4,6 @@ mod bars;
 mod chart;
 mod compare;
 mod contacts;
-mod csv_table;
 mod curves;
 mod device;
 mod device_profile;

@@ -2,7 +2,6 @@
 
 use super::bars::{BarLog, BarReport};
 use super::measured::MeasurementReport;
-use super::solve::preconditioner_name;
 use super::text::percentile;
 use capsense::pipeline::Milliseconds;
 use capsense::run_folder::RunOrigin;
@@ -124,7 +123,7 @@ impl<'a> Report<'a> {
                 renderer: pipeline.renderer(),
             },
             solver: Solver {
-                preconditioner: preconditioner_name(pipeline),
+                preconditioner: pipeline.simulator().preconditioner().name(),
                 tolerance: scene.solver.tolerance,
                 threads: scene.threads,
                 frames_skipped: frames.len() - iterations.len(),

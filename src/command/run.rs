@@ -2,7 +2,6 @@
 
 use super::bars::BarLog;
 use super::contacts::{ContactLog, print_warnings};
-use super::csv_table::{csv_table, upper_triangle};
 use super::curves::curves;
 use super::interrupt::Interrupt;
 use super::load_scene;
@@ -11,6 +10,8 @@ use super::output::{print_out, write_whole};
 use super::report::{Report, Spread};
 use super::text::{Prefix, table};
 use anyhow::{Context, bail};
+use capsense::core::capacitance::upper_triangle;
+use capsense::frame_table::{FrameRow, frame_table};
 use capsense::run_folder::{CURVES_FILE, DRAWING_FILE, REPORT_FILE, RunOrigin};
 use capsense::{Frame, Pipeline, PipelineError, Scene};
 use clap::Args;
@@ -116,7 +117,9 @@ fn write_results(
     measured: &MeasurementLog,
     report: &Report<'_>,
 ) -> anyhow::Result<()> {
-    write_whole(&out.join(CURVES_FILE), &csv_table(scene, frames, measured)?)?;
+    let rows = frames.iter().enumerate().map(|(index, frame)| FrameRow::new(frame, measured.of_frame(index)));
+    let table = frame_table(&scene.electrodes, scene.measurement.as_ref(), rows)?;
+    write_whole(&out.join(CURVES_FILE), &table)?;
     let drawing = curves(&scene.electrodes, pipeline.simulator().base(), frames)?;
     write_whole(&out.join(DRAWING_FILE), drawing.as_bytes())?;
     write_whole(&out.join(REPORT_FILE), &serde_json::to_vec_pretty(report)?)

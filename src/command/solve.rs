@@ -86,7 +86,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
             solver: SolverSummary {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
-                preconditioner: preconditioner_name(&pipeline),
+                preconditioner: pipeline.simulator().preconditioner().name(),
             },
             milliseconds: frame.milliseconds,
         };
@@ -122,7 +122,7 @@ fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, bars: Option<&Err
     text += &format!(
         "Solver: {} iterations ({}), relative error {:.1e}\n",
         frame.solve.iterations,
-        preconditioner_name(pipeline),
+        pipeline.simulator().preconditioner().name(),
         frame.solve.relative_error
     );
     text += &format!(
@@ -142,16 +142,4 @@ fn matrix(names: &[String], cell: impl Fn(usize, usize) -> String) -> String {
 
 fn largest(matrix: &CapacitanceMatrix) -> f64 {
     matrix.rows().flatten().fold(0.0, |most, farads| farads.abs().max(most))
-}
-
-/// What the preconditioner in use is called in scene files.
-pub(super) fn preconditioner_name(pipeline: &Pipeline) -> &'static str {
-    use capsense::core::solver::Preconditioner;
-    match pipeline.simulator().preconditioner() {
-        Preconditioner::Multigrid => "multigrid",
-        Preconditioner::Ic0 => "ic0",
-        Preconditioner::Direct | Preconditioner::Cholesky => "direct",
-        Preconditioner::Jacobi => "jacobi",
-        Preconditioner::None => "none",
-    }
 }

@@ -7,8 +7,9 @@ use super::plot::{
     draw_legend, draw_lines, draw_note, draw_series, padded, tets_text,
 };
 use super::published::PAPER_TIMES;
-use super::setting::{MeshPlan, Setting, Source};
+use super::setting::{MeshPlan, Setting};
 use super::table::Row;
+use crate::scene::GeometrySource;
 use capsense_core::occupancy::Interface;
 use plotters::prelude::*;
 
@@ -61,7 +62,12 @@ fn series(rows: &[Row]) -> Vec<Series> {
         of("centroid, exact solids", PURPLE, Look::Line(2), with(Interface::Centroid)),
         of("volume-fraction, exact solids", GREEN, Look::Line(2), with(Interface::VolumeFraction)),
         of("edge-cut, uniform mesh", AMBER, Look::Line(2), uniform),
-        of("edge-cut, depth camera", SKY, Look::Line(2), Setting { geometry: Source::Camera, ..USUAL }),
+        of(
+            "edge-cut, depth camera",
+            SKY,
+            Look::Line(2),
+            Setting { geometry: GeometrySource::Camera, ..USUAL },
+        ),
         of("edge-cut, exact solids", BLUE, Look::Line(3), USUAL),
     ]
 }

@@ -52,14 +52,16 @@ impl Took {
     }
 }
 
+/// Processor time of this thread so far, in seconds, on systems that tell it.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
-fn thread_seconds() -> Option<f64> {
+pub fn thread_seconds() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
 }
 
+/// Processor time of this thread so far, in seconds, on systems that tell it.
 #[cfg(not(any(target_os = "linux", target_os = "macos")))]
-fn thread_seconds() -> Option<f64> {
+pub fn thread_seconds() -> Option<f64> {
     None
 }
 

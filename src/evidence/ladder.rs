@@ -1,8 +1,9 @@
 //! Which settings are measured: series of meshes of growing size, each with one thing set otherwise than usual.
 
 use super::published::PAPER_TIMES;
-use super::setting::{MeshPlan, Method, Setting, Source, Storage};
+use super::setting::{MeshPlan, Method, Setting, Storage};
 use super::stage::Patience;
+use crate::scene::GeometrySource;
 use capsense_core::baseline::CgOptions;
 use capsense_core::occupancy::Interface;
 use capsense_core::solver::Preconditioner;
@@ -27,7 +28,7 @@ pub const USUAL: Setting = Setting {
     mesh: MeshPlan::Adapted(SIZES[0]),
     storage: Storage::Lattice,
     interface: Interface::EdgeCut,
-    geometry: Source::Solids,
+    geometry: GeometrySource::Solids,
     preconditioner: Preconditioner::Multigrid,
     tolerance: TOLERANCE,
     threads: 1,
@@ -39,7 +40,7 @@ pub const PAPER: Setting = Setting {
     method: Method::Paper,
     storage: Storage::Csr,
     interface: Interface::Centroid,
-    geometry: Source::Camera,
+    geometry: GeometrySource::Camera,
     preconditioner: Preconditioner::None,
     tolerance: CgOptions::PAPER.relative_residual,
     ..USUAL
@@ -50,14 +51,14 @@ pub fn full() -> Vec<Setting> {
     let adapted = |base: Setting| ladder(base, MeshPlan::Adapted, usize::MAX);
     let mut all = adapted(USUAL);
     all.extend(paper());
-    all.extend(adapted(Setting { geometry: Source::Camera, ..USUAL }));
+    all.extend(adapted(Setting { geometry: GeometrySource::Camera, ..USUAL }));
     for interface in [Interface::Centroid, Interface::VolumeFraction] {
-        for geometry in [Source::Solids, Source::Camera] {
+        for geometry in [GeometrySource::Solids, GeometrySource::Camera] {
             all.extend(adapted(Setting { interface, geometry, ..USUAL }));
         }
     }
     for interface in [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction] {
-        for geometry in [Source::Solids, Source::Camera] {
+        for geometry in [GeometrySource::Solids, GeometrySource::Camera] {
             all.extend(ladder(Setting { interface, geometry, ..USUAL }, MeshPlan::Uniform, usize::MAX));
         }
     }
@@ -84,7 +85,7 @@ pub fn quick() -> Vec<Setting> {
     let adapted = |base: Setting| ladder(base, MeshPlan::Adapted, LARGEST_OF_QUICK);
     let mut all = adapted(USUAL);
     all.extend(paper().into_iter().take(2));
-    all.extend(adapted(Setting { geometry: Source::Camera, ..USUAL }));
+    all.extend(adapted(Setting { geometry: GeometrySource::Camera, ..USUAL }));
     for interface in [Interface::Centroid, Interface::VolumeFraction] {
         all.extend(adapted(Setting { interface, ..USUAL }));
     }
@@ -159,9 +160,9 @@ mod tests {
         let full = full();
         let has = |wanted: &dyn Fn(&Setting) -> bool| assert!(full.iter().any(wanted));
         for size in SIZES {
-            has(&|s| s.mesh == MeshPlan::Uniform(size) && s.geometry == Source::Camera);
+            has(&|s| s.mesh == MeshPlan::Uniform(size) && s.geometry == GeometrySource::Camera);
             for interface in [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction] {
-                for geometry in [Source::Camera, Source::Solids] {
+                for geometry in [GeometrySource::Camera, GeometrySource::Solids] {
                     let is = |s: &Setting| s.interface == interface && s.geometry == geometry;
                     has(&|s| s.mesh == MeshPlan::Adapted(size) && is(s));
                 }

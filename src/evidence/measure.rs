@@ -6,12 +6,12 @@
 use super::EvidenceError;
 use super::clock::{Clock, Took};
 use super::reference::Reference;
-use super::setting::{Method, Setting, Source};
+use super::setting::{Method, Setting};
 use super::stage::{COMPARED, Stage};
 use super::table::Row;
 use crate::motion::Motion;
 use crate::pipeline::Pipeline;
-use crate::scene::{Geometry, Scene};
+use crate::scene::{Geometry, GeometrySource, Scene};
 use capsense_core::baseline::{CgOptions, PaperMethod};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::Pose;
@@ -159,8 +159,8 @@ fn scene(stage: &Stage, setting: &Setting, places: &[Place]) -> Result<Scene, Ev
     let mut scene = stage.scene.clone();
     scene.interface = setting.interface;
     scene.geometry = match setting.geometry {
-        Source::Camera => Geometry::Camera,
-        Source::Solids => Geometry::Solids(Solids::new(std::slice::from_ref(stage.shape()))?),
+        GeometrySource::Camera => Geometry::Camera,
+        GeometrySource::Solids => Geometry::Solids(Solids::new(std::slice::from_ref(stage.shape()))?),
     };
     scene.threads = setting.threads;
     scene.solver = SolverOptions {

@@ -5,7 +5,7 @@
 //! the results of all and [`pareto`] those that nothing beats; [`chart`] and [`timing`] draw them. [`published`] is what others have published.
 
 pub mod chart;
-mod clock;
+pub mod clock;
 pub mod ladder;
 pub mod measure;
 pub mod pareto;

@@ -2,6 +2,7 @@
 
 use super::EvidenceError;
 use super::stage::{Patience, Stage};
+use crate::scene::GeometrySource;
 use capsense_core::occupancy::Interface;
 use capsense_core::sensor::{MeshKind, Sensor};
 use capsense_core::solver::Preconditioner;
@@ -38,15 +39,6 @@ pub enum Storage {
     Csr,
 }
 
-/// Where surfaces come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// A depth camera of 64 by 64 pixels.
-    Camera,
-    /// The exact solids.
-    Solids,
-}
-
 /// One way to compute frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setting {
@@ -58,8 +50,8 @@ pub struct Setting {
     pub storage: Storage,
     /// What surfaces do to the mesh.
     pub interface: Interface,
-    /// Where surfaces come from.
-    pub geometry: Source,
+    /// Where surfaces come from; the depth camera has 64 by 64 pixels.
+    pub geometry: GeometrySource,
     /// What conjugate gradients are preconditioned with.
     pub preconditioner: Preconditioner,
     /// When the iteration stops: the relative error of C, and for the paper's method the relative residual.
@@ -99,28 +91,6 @@ impl Storage {
             Self::Lattice => "lattice",
             Self::Csr => "csr",
         }
-    }
-}
-
-impl Source {
-    /// Its name in tables and scene files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Camera => "camera",
-            Self::Solids => "solids",
-        }
-    }
-}
-
-/// The name of a preconditioner in tables and scene files.
-pub fn preconditioner_name(preconditioner: Preconditioner) -> &'static str {
-    match preconditioner {
-        Preconditioner::Multigrid => "multigrid",
-        Preconditioner::Ic0 => "ic0",
-        Preconditioner::Direct => "direct",
-        Preconditioner::Cholesky => "cholesky",
-        Preconditioner::Jacobi => "jacobi",
-        Preconditioner::None => "none",
     }
 }
 

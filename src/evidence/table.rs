@@ -1,6 +1,6 @@
 //! `chart.csv`: one row for each setting measured.
 
-use super::setting::{Setting, preconditioner_name};
+use super::setting::Setting;
 use serde::{Deserialize, Serialize};
 
 /// One setting and what it is worth. Settings are as in [`Setting`]; columns without a value are empty.
@@ -75,7 +75,7 @@ impl Row {
             storage: setting.storage.name().to_owned(),
             interface: setting.interface.name().to_owned(),
             geometry: setting.geometry.name().to_owned(),
-            preconditioner: preconditioner_name(setting.preconditioner).to_owned(),
+            preconditioner: setting.preconditioner.name().to_owned(),
             tolerance: setting.tolerance,
             threads: setting.threads,
             ..Self::default()

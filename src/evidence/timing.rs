@@ -6,9 +6,10 @@ use super::plot::{
     padded,
 };
 use super::published::PAPER_TIMES;
-use super::setting::{MeshPlan, Setting, Source, Storage};
+use super::setting::{MeshPlan, Setting, Storage};
 use super::stage::Patience;
 use super::table::Row;
+use crate::scene::GeometrySource;
 use plotters::prelude::*;
 
 const SIZE: (u32, u32) = (1000, 600);
@@ -28,7 +29,7 @@ const LARGEST_OF_PAPER: usize = 100_000;
 /// Milliseconds that a control loop of 100 Hz has for a frame.
 const CONTROL_LOOP: f64 = 10.0;
 
-const LATTICE: Setting = Setting { geometry: Source::Camera, tolerance: TOLERANCE, ..USUAL };
+const LATTICE: Setting = Setting { geometry: GeometrySource::Camera, tolerance: TOLERANCE, ..USUAL };
 const CSR: Setting = Setting { storage: Storage::Csr, ..LATTICE };
 
 /// The settings that are timed.

@@ -16,6 +16,34 @@ pub enum Geometry {
     Solids(Solids),
 }
 
+/// What finds the surfaces of objects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum GeometrySource {
+    /// The depth camera.
+    #[default]
+    Camera,
+    /// The solids themselves.
+    Solids,
+}
+
+impl GeometrySource {
+    /// That of a scene.
+    pub fn of(geometry: &Geometry) -> Self {
+        match geometry {
+            Geometry::Camera => Self::Camera,
+            Geometry::Solids(_) => Self::Solids,
+        }
+    }
+
+    /// The name in scene files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Camera => "camera",
+            Self::Solids => "solids",
+        }
+    }
+}
+
 pub(super) fn geometry(
     check: Checker<'_>,
     raw: &RawScene,

@@ -17,7 +17,7 @@ mod trajectory;
 pub mod write;
 
 pub use generate::{GeneratedMesh, MeshSize};
-pub use geometry::Geometry;
+pub use geometry::{Geometry, GeometrySource};
 pub use mesh_file::mesh_warnings;
 pub use object::SceneObject;
 pub use source::{SceneError, Source};

@@ -4,7 +4,7 @@
 //! [`Scene::parse`].
 
 use super::source::SceneError;
-use super::{BUILT_IN, BUILT_IN_NAME, Geometry, Scene};
+use super::{BUILT_IN, BUILT_IN_NAME, GeometrySource, Scene};
 use capsense_core::geometry::Pose;
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material};
@@ -37,46 +37,6 @@ pub enum NewShape {
     Cylinder(f64, f64),
     /// A mesh file with the name of its unit: `m`, `cm` or `mm`.
     File(PathBuf, String),
-}
-
-/// What finds the surfaces of objects.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum GeometrySource {
-    /// The depth camera.
-    #[default]
-    Camera,
-    /// The solids themselves.
-    Solids,
-}
-
-impl GeometrySource {
-    /// That of a scene.
-    pub fn of(scene: &Scene) -> Self {
-        match scene.geometry {
-            Geometry::Camera => Self::Camera,
-            Geometry::Solids(_) => Self::Solids,
-        }
-    }
-
-    /// The name in scene files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Camera => "camera",
-            Self::Solids => "solids",
-        }
-    }
-}
-
-/// The name of a preconditioner in scene files.
-pub fn preconditioner_name(preconditioner: Preconditioner) -> &'static str {
-    match preconditioner {
-        Preconditioner::Multigrid => "multigrid",
-        Preconditioner::Ic0 => "ic0",
-        Preconditioner::Jacobi => "jacobi",
-        Preconditioner::None => "none",
-        // Scene files have no name of their own for factors of all of K; both are exact.
-        Preconditioner::Direct | Preconditioner::Cholesky => "direct",
-    }
 }
 
 /// Why a scene file cannot be written.
@@ -221,7 +181,12 @@ impl SceneDocument {
 
     /// What the conjugate gradients are preconditioned with.
     pub fn set_preconditioner(&mut self, preconditioner: Preconditioner) {
-        self.change_table("solver", "preconditioner", preconditioner_name(preconditioner).into());
+        let named = match preconditioner {
+            // Scene files have no name of their own for factors of all of K; both are exact.
+            Preconditioner::Cholesky => Preconditioner::Direct,
+            other => other,
+        };
+        self.change_table("solver", "preconditioner", named.name().into());
     }
 
     /// Threads; 0 for all cores.

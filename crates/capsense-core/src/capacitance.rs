@@ -12,6 +12,11 @@ pub struct CapacitanceMatrix {
     farads: Vec<f64>,
 }
 
+/// Rows and columns of the upper triangle of a matrix, row by row.
+pub fn upper_triangle(size: usize) -> impl Iterator<Item = (usize, usize)> + Clone {
+    (0..size).flat_map(move |row| (row..size).map(move |column| (row, column)))
+}
+
 impl CapacitanceMatrix {
     /// All entries zero.
     pub fn zeros(size: usize) -> Self {
@@ -21,12 +26,13 @@ impl CapacitanceMatrix {
     /// Entries of the upper triangle as `farads` tells them, and their mirror images.
     pub fn from_upper(size: usize, mut farads: impl FnMut(usize, usize) -> f64) -> Self {
         let mut matrix = Self::zeros(size);
-        for row in 0..size {
-            for column in row..size {
-                matrix.set(row, column, farads(row, column));
-            }
-        }
+        upper_triangle(size).for_each(|(row, column)| matrix.set(row, column, farads(row, column)));
         matrix
+    }
+
+    /// Entries of the upper triangle, row by row, in farads.
+    pub fn upper(&self) -> Vec<f64> {
+        upper_triangle(self.size).map(|(row, column)| self.get(row, column)).collect()
     }
 
     /// Number of terminals.

@@ -2,8 +2,11 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+#[path = "common/allocations.rs"]
+mod allocations;
 mod common;
 
+use allocations::ALLOCATIONS;
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
@@ -14,37 +17,7 @@ use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use common::{bar, conductor, depth_of_boxes, dielectric, stripes_sensor};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Allocations so far, on all threads: there is but one test, so that no other is counted.
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-/// The system's allocator, and how often it was asked for memory.
-struct Counting;
-
-// SAFETY: every call goes to the system's allocator as it is, which keeps the contract; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise on `layout` is the one that this needs.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use std::sync::atomic::Ordering;
 
 /// Converters with all kinds of errors: a reading allocates nothing.
 fn allocations_of_readings() -> usize {

@@ -28,4 +28,4 @@ pub mod stream;
 pub use port_reader::{PortEvent, PortNews, PortReader};
 pub use ports::{HwError, PortDescription, PortKind, UsbDevice, list_ports};
 pub use pseudo_port::PseudoPort;
-pub use recorder::{Counters, record};
+pub use recorder::{Counters, Heard, receive, record};

@@ -3,7 +3,7 @@
 use crate::port_reader::{PortEvent, PortNews, PortReader};
 use crate::profile::DeviceProfile;
 use crate::recording::{Note, RecordingError, RecordingWriter};
-use crate::stream::{Decoder, Event, Start};
+use crate::stream::{Decoder, Event, Stamped, Start};
 use std::time::Duration;
 
 /// How long to wait for the port before looking around.
@@ -38,29 +38,58 @@ impl Counters {
     }
 }
 
+/// What a port says.
+#[derive(Debug)]
+pub enum Heard<'a> {
+    /// It is there.
+    Connected,
+    /// It is gone, and waited for.
+    Disconnected,
+    /// The decoder found something in its bytes.
+    Event(&'a Stamped<'a>),
+}
+
 /// Records a port until told to stop. `go_on` sees the counters at least every 50 ms and says whether to go on.
 ///
 /// # Errors
 /// When the recording cannot be written; the port may come and go.
 pub fn record(
+    reader: PortReader,
+    profile: &DeviceProfile,
+    writer: RecordingWriter,
+    go_on: impl FnMut(&Counters) -> bool,
+) -> Result<Counters, RecordingError> {
+    receive(reader, profile, Some(writer), go_on, |_| ())
+}
+
+/// Listens to a port until told to stop, and records it if there is a recording: [`record`], for those who want to hear what
+/// comes as well.
+///
+/// # Errors
+/// When the recording cannot be written; the port may come and go.
+pub fn receive(
     mut reader: PortReader,
     profile: &DeviceProfile,
-    mut writer: RecordingWriter,
+    writer: Option<RecordingWriter>,
     mut go_on: impl FnMut(&Counters) -> bool,
+    hear: impl FnMut(Heard<'_>),
 ) -> Result<Counters, RecordingError> {
     let begun = std::time::Instant::now();
     let mut session = Session {
         decoder: Decoder::new(&profile.stream, Start::Anywhere)?,
         profile,
         counters: Counters::default(),
-        writer: &mut writer,
+        writer,
+        hear,
     };
     while go_on(&session.counters) {
         match reader.next(PATIENCE) {
             Some(event) => session.take(event)?,
             None => session.counters.time = session.counters.time.max(begun.elapsed()),
         }
-        session.writer.tick(session.counters.time)?;
+        if let Some(writer) = &mut session.writer {
+            writer.tick(session.counters.time)?;
+        }
     }
     let dropped = reader.stop();
     while let Some(event) = reader.next(Duration::ZERO) {
@@ -68,35 +97,47 @@ pub fn record(
     }
     session.dropped(dropped)?;
     session.end_of_stream()?;
-    let counters = session.counters;
-    writer.finish()?;
-    Ok(counters)
+    if let Some(writer) = session.writer {
+        writer.finish()?;
+    }
+    Ok(session.counters)
 }
 
-struct Session<'a> {
+struct Session<'a, H> {
     decoder: Decoder,
     profile: &'a DeviceProfile,
     counters: Counters,
-    writer: &'a mut RecordingWriter,
+    writer: Option<RecordingWriter>,
+    hear: H,
 }
 
-impl Session<'_> {
+impl<H: FnMut(Heard<'_>)> Session<'_, H> {
     fn take(&mut self, event: PortEvent) -> Result<(), RecordingError> {
         self.counters.time = event.time;
         self.dropped(event.dropped)?;
         match event.what {
-            PortNews::Connected => self.writer.note(event.time, &Note::Connected),
+            PortNews::Connected => {
+                (self.hear)(Heard::Connected);
+                self.note(&Note::Connected)
+            }
             PortNews::Disconnected(reason) => {
                 self.counters.disconnections += 1;
                 self.end_of_stream()?;
-                self.writer.note(event.time, &Note::Disconnected { reason })
+                (self.hear)(Heard::Disconnected);
+                self.note(&Note::Disconnected { reason })
             }
             PortNews::Bytes(bytes) => {
                 self.counters.bytes += bytes.len() as u64;
-                self.writer.raw(event.time, &bytes)?;
+                if let Some(writer) = &mut self.writer {
+                    writer.raw(event.time, &bytes)?;
+                }
                 self.decode(|decoder, events| decoder.push(&bytes, event.time, events))
             }
         }
+    }
+
+    fn note(&mut self, note: &Note) -> Result<(), RecordingError> {
+        self.writer.as_mut().map_or(Ok(()), |writer| writer.note(self.counters.time, note))
     }
 
     /// Counts bytes that are missing here, and says so in the recording.
@@ -106,7 +147,7 @@ impl Session<'_> {
         }
         self.counters.dropped += bytes;
         self.end_of_stream()?;
-        self.writer.note(self.counters.time, &Note::Dropped { bytes })
+        self.note(&Note::Dropped { bytes })
     }
 
     /// What comes next does not continue what came before.
@@ -119,9 +160,9 @@ impl Session<'_> {
 
     fn decode(
         &mut self,
-        work: impl FnOnce(&mut Decoder, &mut dyn FnMut(crate::stream::Stamped<'_>)),
+        work: impl FnOnce(&mut Decoder, &mut dyn FnMut(Stamped<'_>)),
     ) -> Result<(), RecordingError> {
-        let Self { decoder, counters, writer, .. } = self;
+        let Self { decoder, counters, writer, hear, .. } = self;
         let mut result = Ok(());
         work(decoder, &mut |stamped| {
             match stamped.event {
@@ -130,7 +171,8 @@ impl Session<'_> {
                 Event::Resync => counters.passed_over += stamped.length,
                 Event::Gap(missing) => counters.missing += u64::from(missing.unwrap_or(0)),
             }
-            if result.is_ok() {
+            hear(Heard::Event(&stamped));
+            if let (Ok(()), Some(writer)) = (&result, writer.as_mut()) {
                 result = writer.event(&stamped);
             }
         });

@@ -2,44 +2,17 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test")]
 
+#[path = "../../capsense-core/tests/common/allocations.rs"]
+mod allocations;
 #[path = "support/boards.rs"]
 mod boards;
 
+use allocations::ALLOCATIONS;
 use boards::streams;
 use capsense_hw::profile::{built_in, built_in_names};
 use capsense_hw::stream::{Decoder, Start};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
-
-/// Allocations so far, on all threads: there is but one test, so that no other is counted.
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-/// The system's allocator, and how often it was asked for memory.
-struct Counting;
-
-// SAFETY: every call goes to the system's allocator as it is, which keeps the contract; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise on `layout` is the one that this needs.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: `block` came from `alloc` above, and so from the system's allocator, with this layout.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
 
 #[test]
 fn decoders_ask_for_no_memory() {

@@ -327,6 +327,7 @@ impl ViewerApp {
             Purpose::SaveScene => self.session.save(path).map_err(|error| error.to_string())?,
             Purpose::ExportCsv => {
                 let table = self.session.history.to_csv(self.preferences.curves.axis);
+                let table = table.map_err(|error| error.to_string())?;
                 std::fs::write(path, table).map_err(|error| format!("{}: {error}", path.display()))?;
             }
             Purpose::ExportPng => export::window_png(ctx, path.to_owned()),

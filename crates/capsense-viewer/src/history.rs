@@ -2,13 +2,14 @@
 //!
 //! The table that is exported is that of `capsense run`, so that `capsense compare` and this viewer read it again.
 
+use crate::measured::entry_of;
 use crate::worker::Computed;
 use capsense::core::capacitance::CapacitanceMatrix;
-use capsense::core::measurement::{MeasurementModel, Reading};
+use capsense::core::measurement::{ChannelModel, MeasurementModel, Reading};
 use capsense::core::solver::SolveReport;
+use capsense::frame_table::{FrameRow, frame_table};
 use capsense::pipeline::Milliseconds;
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 
 /// Older samples of the session are forgotten.
 const MOST_SAMPLES: usize = 50_000;
@@ -53,47 +54,32 @@ pub struct Overlay {
     pub points: Vec<[f64; 2]>,
 }
 
-/// Indices of the upper triangle, row by row.
-pub fn pairs(electrodes: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..electrodes).flat_map(move |row| (row..electrodes).map(move |column| (row, column)))
-}
-
-/// The upper triangle of a matrix, row by row.
-pub fn upper_triangle(matrix: &CapacitanceMatrix) -> Vec<f64> {
-    pairs(matrix.size()).map(|(row, column)| matrix.get(row, column)).collect()
-}
-
 /// All that was computed of a sensor.
 #[derive(Clone, Debug, Default)]
 pub struct History {
     electrodes: Vec<String>,
     base: Vec<f64>,
-    /// The entries that converters read, and whether they tell codes.
-    channels: Vec<[usize; 2]>,
-    has_codes: bool,
+    converters: Option<MeasurementModel>,
     session: Vec<Sample>,
     scene: BTreeMap<usize, Sample>,
 }
 
 impl History {
     /// Curves of these electrodes, whose capacitances without objects are `base`. Those of the session go on if electrodes
-    /// and channels are the same.
+    /// and converters are the same.
     pub fn begin(
         &mut self,
         electrodes: &[String],
         base: &CapacitanceMatrix,
         converters: Option<&MeasurementModel>,
     ) {
-        let channels = converters.iter().flat_map(|model| &model.channels);
-        let channels: Vec<_> = channels.map(|channel| [channel.row, channel.column]).collect();
-        if self.electrodes != electrodes || self.channels != channels {
+        if self.electrodes != electrodes || self.converters.as_ref() != converters {
             self.session.clear();
             self.electrodes = electrodes.to_vec();
-            self.channels = channels;
+            self.converters = converters.cloned();
         }
-        self.has_codes = converters.is_some_and(|model| model.converter.is_some());
         self.scene.clear();
-        self.base = upper_triangle(base);
+        self.base = base.upper();
     }
 
     /// Takes a frame that was computed at a time of the session, in seconds.
@@ -102,7 +88,7 @@ impl History {
         let sample = Sample {
             frame: frame.index,
             time_s: frame.time_s,
-            farads: upper_triangle(&frame.capacitance),
+            farads: frame.capacitance.upper(),
             readings: computed.readings.clone(),
             changed_edges: frame.changed_edges,
             solve: frame.solve,
@@ -153,22 +139,23 @@ impl History {
 
     /// Whether converters read the sensor.
     pub fn has_converters(&self) -> bool {
-        !self.channels.is_empty()
+        self.converters.is_some()
     }
 
     /// What converters read over a time axis, one curve for each channel.
     pub fn readings(&self, axis: TimeAxis) -> Vec<Overlay> {
         let samples = self.samples(axis);
-        let curve = |(channel, &[row, column]): (usize, &[usize; 2])| {
-            let [first, second] = [row.min(column), row.max(column)];
-            let point = |sample: &&Sample| Some([sample.time_s, sample.readings.get(channel)?.farads]);
+        let channels = self.converters.iter().flat_map(|model| &model.channels);
+        let curve = |(index, channel): (usize, &ChannelModel)| {
+            let (row, column) = (channel.row, channel.column);
+            let point = |sample: &&Sample| Some([sample.time_s, sample.readings.get(index)?.farads]);
             Overlay {
                 name: format!("{}–{}, as read", self.electrodes[row], self.electrodes[column]),
-                entry: pairs(self.electrodes.len()).take_while(|pair| *pair != (first, second)).count(),
+                entry: entry_of(row, column, self.electrodes.len()),
                 points: samples.iter().filter_map(point).collect(),
             }
         };
-        self.channels.iter().enumerate().map(curve).collect()
+        channels.enumerate().map(curve).collect()
     }
 
     /// Samples in the order in which they were computed.
@@ -177,34 +164,21 @@ impl History {
     }
 
     /// The table of `capsense run` over a time axis.
-    pub fn to_csv(&self, axis: TimeAxis) -> String {
-        let mut text = "frame,time_s".to_owned();
-        for (row, column) in pairs(self.electrodes.len()) {
-            let _ = write!(text, ",C_{}_{}_F", self.electrodes[row], self.electrodes[column]);
-        }
-        text += ",changed_edges,iterations,geometry_ms,update_ms,solve_ms";
-        for [row, column] in &self.channels {
-            let name = format!("{}_{}", self.electrodes[*row], self.electrodes[*column]);
-            let raw = if self.has_codes { format!(",raw_{name}") } else { String::new() };
-            let _ = write!(text, "{raw},measured_{name}_F");
-        }
-        text.push('\n');
-        for (index, sample) in self.samples(axis).into_iter().enumerate() {
+    ///
+    /// # Errors
+    /// When samples are of other electrodes or converters than the newest.
+    pub fn to_csv(&self, axis: TimeAxis) -> Result<Vec<u8>, csv::Error> {
+        let row = |(index, sample): (usize, &Sample)| FrameRow {
             // Over the session, frames of the scene come in any order; rows are numbered then.
-            let frame = if axis == TimeAxis::Session { index } else { sample.frame };
-            let _ = write!(text, "{frame},{}", sample.time_s);
-            for farads in &sample.farads {
-                let _ = write!(text, ",{farads:e}");
-            }
-            let Milliseconds { geometry, update, solve, .. } = sample.milliseconds;
-            let (edges, iterations) = (sample.changed_edges, sample.solve.iterations);
-            let _ = write!(text, ",{edges},{iterations},{geometry},{update},{solve}");
-            for reading in &sample.readings {
-                let raw = reading.raw.map_or_else(String::new, |code| format!(",{code}"));
-                let _ = write!(text, "{raw},{:e}", reading.farads);
-            }
-            text.push('\n');
-        }
-        text
+            frame: if axis == TimeAxis::Session { index } else { sample.frame },
+            time_s: sample.time_s,
+            farads: sample.farads.clone(),
+            changed_edges: sample.changed_edges,
+            iterations: sample.solve.iterations,
+            milliseconds: sample.milliseconds,
+            readings: sample.readings.clone(),
+        };
+        let rows = self.samples(axis).into_iter().enumerate().map(row);
+        frame_table(&self.electrodes, self.converters.as_ref(), rows)
     }
 }

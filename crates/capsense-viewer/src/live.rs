@@ -1,20 +1,16 @@
 //! A board that is connected now: read on a thread of its own, decoded, recorded if wished, and never waited for.
 
-use capsense_hw::PortReader;
 use capsense_hw::profile::DeviceProfile;
-use capsense_hw::recording::{Header, Note, RecordingError, RecordingWriter};
+use capsense_hw::recording::{Header, RecordingWriter};
 use capsense_hw::stream::{Decoder, Event, Stamped, Start};
-use capsense_hw::{Counters, PortEvent, PortNews};
+use capsense_hw::{Counters, Heard, PortReader, receive};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 /// Reads that may wait to be decoded: some seconds of a fast board.
 const QUEUE: usize = 4096;
-
-/// How long to wait for the port before looking around.
-const PATIENCE: Duration = Duration::from_millis(30);
 
 /// Samples that may wait for the window; beyond, the oldest are forgotten. They are recorded all the same.
 const MOST_WAITING: usize = 100_000;
@@ -43,6 +39,15 @@ struct State {
     error: Option<String>,
 }
 
+impl State {
+    fn push(&mut self, sample: LiveSample) {
+        if self.samples.len() >= MOST_WAITING {
+            self.samples.drain(..MOST_WAITING / 10);
+        }
+        self.samples.push(sample);
+    }
+}
+
 /// A connected board. Dropping it disconnects, and completes the recording.
 pub struct LiveSource {
     state: Arc<Mutex<State>>,
@@ -61,7 +66,8 @@ impl LiveSource {
     /// When the port cannot be opened, the recording cannot be created, or there is no sense in the profile.
     pub fn connect(connection: Connection, wake: impl Fn() + Send + 'static) -> Result<Self, String> {
         let Connection { port, baud, profile, record } = connection;
-        let decoder = Decoder::new(&profile.stream, Start::Anywhere).map_err(|error| error.to_string())?;
+        // Before the port is opened: a profile may be nonsense.
+        Decoder::new(&profile.stream, Start::Anywhere).map_err(|error| error.to_string())?;
         let reader = PortReader::open(&port, baud, QUEUE).map_err(|error| error.to_string())?;
         let writer = record.map(|path| {
             let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -72,14 +78,7 @@ impl LiveSource {
         let writer = writer.transpose().map_err(|error| error.to_string())?;
         let state = Arc::<Mutex<State>>::default();
         let stop = Arc::new(AtomicBool::new(false));
-        let desk = Desk {
-            state: state.clone(),
-            stop: stop.clone(),
-            profile,
-            decoder,
-            writer,
-            counters: Counters::default(),
-        };
+        let desk = Desk { state: state.clone(), stop: stop.clone(), profile, writer };
         let run = move || desk.run(reader, wake);
         let thread = std::thread::Builder::new().name("board".to_owned()).spawn(run);
         Ok(Self { state, stop, thread: Some(thread.map_err(|error| error.to_string())?) })
@@ -110,7 +109,7 @@ impl Drop for LiveSource {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(thread) = self.thread.take() {
-            // It looks around every 30 ms; a recording is completed before the window goes on.
+            // It looks around every 50 ms; a recording is completed before the window goes on.
             drop(thread.join());
         }
     }
@@ -121,108 +120,36 @@ struct Desk {
     state: Arc<Mutex<State>>,
     stop: Arc<AtomicBool>,
     profile: DeviceProfile,
-    decoder: Decoder,
     writer: Option<RecordingWriter>,
-    counters: Counters,
 }
 
 impl Desk {
-    fn run(mut self, mut reader: PortReader, wake: impl Fn()) {
-        let begun = std::time::Instant::now();
-        let mut result = Ok(());
-        while result.is_ok() && !self.stop.load(Ordering::Relaxed) {
-            match reader.next(PATIENCE) {
-                Some(event) => {
-                    result = self.take(event);
-                    wake();
-                }
-                None => self.counters.time = self.counters.time.max(begun.elapsed()),
+    fn run(self, reader: PortReader, wake: impl Fn()) {
+        let Self { state, stop, profile, writer } = self;
+        let go_on = |counters: &Counters| {
+            let mut state = lock(&state);
+            if state.counters != *counters {
+                state.counters = *counters;
+                wake();
             }
-            lock(&self.state).counters = self.counters;
-            if let Some(writer) = &mut self.writer {
-                result = result.and_then(|()| writer.tick(self.counters.time));
+            !stop.load(Ordering::Relaxed)
+        };
+        let hear = |heard: Heard<'_>| match heard {
+            Heard::Connected => lock(&state).is_connected = true,
+            Heard::Disconnected => lock(&state).is_connected = false,
+            Heard::Event(Stamped { event: Event::Sample(sample), host_time, .. }) => {
+                let values = sample.values.iter().enumerate();
+                let values = values.map(|(channel, value)| profile.reading(channel, *value).value);
+                lock(&state).push((host_time.as_secs_f64(), values.collect()));
             }
-        }
-        reader.stop();
-        while let Some(event) = reader.next(Duration::ZERO).filter(|_| result.is_ok()) {
-            result = self.take(event);
-        }
-        result = result.and_then(|()| self.end_of_stream());
-        if let Some(writer) = self.writer.take() {
-            result = result.and_then(|()| writer.finish().map(drop));
-        }
-        let mut state = lock(&self.state);
+            Heard::Event(_) => {}
+        };
+        let result = receive(reader, &profile, writer, go_on, hear);
+        let mut state = lock(&state);
         state.is_connected = false;
-        state.error = result.err().map(|error| error.to_string());
-    }
-
-    fn take(&mut self, event: PortEvent) -> Result<(), RecordingError> {
-        self.counters.time = event.time;
-        if event.dropped > 0 {
-            self.counters.dropped += event.dropped;
-            self.end_of_stream()?;
-            self.note(&Note::Dropped { bytes: event.dropped })?;
+        match result {
+            Ok(counters) => state.counters = counters,
+            Err(error) => state.error = Some(error.to_string()),
         }
-        match event.what {
-            PortNews::Connected => {
-                lock(&self.state).is_connected = true;
-                self.note(&Note::Connected)
-            }
-            PortNews::Disconnected(reason) => {
-                lock(&self.state).is_connected = false;
-                self.counters.disconnections += 1;
-                self.end_of_stream()?;
-                self.note(&Note::Disconnected { reason })
-            }
-            PortNews::Bytes(bytes) => {
-                self.counters.bytes += bytes.len() as u64;
-                if let Some(writer) = &mut self.writer {
-                    writer.raw(event.time, &bytes)?;
-                }
-                self.decode(|decoder, events| decoder.push(&bytes, event.time, events))
-            }
-        }
-    }
-
-    fn note(&mut self, note: &Note) -> Result<(), RecordingError> {
-        self.writer.as_mut().map_or(Ok(()), |writer| writer.note(self.counters.time, note))
-    }
-
-    /// What comes next does not continue what came before.
-    fn end_of_stream(&mut self) -> Result<(), RecordingError> {
-        let time = self.counters.time;
-        self.decode(|decoder, events| decoder.finish(time, events))?;
-        self.decoder = Decoder::new(&self.profile.stream, Start::Anywhere)?;
-        Ok(())
-    }
-
-    fn decode(
-        &mut self,
-        work: impl FnOnce(&mut Decoder, &mut dyn FnMut(Stamped<'_>)),
-    ) -> Result<(), RecordingError> {
-        let Self { decoder, counters, writer, profile, state, .. } = self;
-        let mut result = Ok(());
-        let mut samples: Vec<LiveSample> = Vec::new();
-        work(decoder, &mut |stamped| {
-            match stamped.event {
-                Event::Sample(sample) => {
-                    counters.samples += 1;
-                    let values = sample.values.iter().enumerate();
-                    let values = values.map(|(channel, value)| profile.reading(channel, *value).value);
-                    samples.push((stamped.host_time.as_secs_f64(), values.collect()));
-                }
-                Event::Text(_) => counters.lines += 1,
-                Event::Resync => counters.passed_over += stamped.length,
-                Event::Gap(missing) => counters.missing += u64::from(missing.unwrap_or(0)),
-            }
-            if let (Ok(()), Some(writer)) = (&result, writer.as_mut()) {
-                result = writer.event(&stamped);
-            }
-        });
-        let waiting = &mut lock(state).samples;
-        waiting.append(&mut samples);
-        let excess = waiting.len().saturating_sub(MOST_WAITING);
-        waiting.drain(..excess);
-        result
     }
 }

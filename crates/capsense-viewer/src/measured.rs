@@ -279,7 +279,8 @@ mod tests {
 
     #[test]
     fn entries_are_numbered_row_by_row() {
-        let all: Vec<usize> = crate::history::pairs(4).map(|(a, b)| entry_of(a, b, 4)).collect();
+        let all: Vec<usize> =
+            capsense::core::capacitance::upper_triangle(4).map(|(a, b)| entry_of(a, b, 4)).collect();
         assert_eq!(all, (0..10).collect::<Vec<_>>());
         assert_eq!(entry_of(3, 1, 4), entry_of(1, 3, 4));
     }

@@ -228,7 +228,7 @@ fn a_recording_is_compared_with_the_curve_of_its_entry() {
     let session = session();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("measured.csv");
-    std::fs::write(&path, session.history.to_csv(TimeAxis::Scene)).unwrap();
+    std::fs::write(&path, session.history.to_csv(TimeAxis::Scene).unwrap()).unwrap();
     let mut measurements = Measurements::default();
     measurements.open(&path, &session).unwrap();
     assert!(measurements.open(Path::new("no/such.csv"), &session).unwrap_err().contains("such.csv"));

@@ -301,7 +301,7 @@ fn what_converters_read_is_drawn_and_exported() {
     let history = &harness.state().session.history;
     let [read] = &history.readings(TimeAxis::Scene)[..] else { panic!("one channel") };
     assert_eq!((read.entry, read.points.len()), (1, 5), "{read:?}");
-    let table = history.to_csv(TimeAxis::Scene);
+    let table = String::from_utf8(history.to_csv(TimeAxis::Scene).unwrap()).unwrap();
     let columns: Vec<usize> = table.lines().map(|line| line.split(',').count()).collect();
     assert!(table.lines().next().unwrap().ends_with("raw_E1_E2,measured_E1_E2_F"), "{table}");
     assert!(columns.iter().all(|count| *count == columns[0]), "{table}");

@@ -10,7 +10,7 @@ mod halved;
 
 pub use halved::{HalvedMesh, halved_lattice};
 
-use crate::capacitance::CapacitanceMatrix;
+use crate::capacitance::{CapacitanceMatrix, upper_triangle};
 
 /// Half-width of an error bar, in what halving shows: 1/(1 - 2^-p) is 1.3 to 2. Measured: nine of ten errors then are within
 /// their bars.
@@ -79,20 +79,12 @@ fn scale(values: &CapacitanceMatrix, row: usize, column: usize) -> f64 {
     (values.get(row, row) * values.get(column, column)).abs().sqrt()
 }
 
-fn upper_triangle(size: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..size).flat_map(move |row| (row..size).map(move |column| (row, column)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn matrix(size: usize, of: impl Fn(usize, usize) -> f64) -> CapacitanceMatrix {
-        let mut matrix = CapacitanceMatrix::zeros(size);
-        for (row, column) in upper_triangle(size) {
-            matrix.set(row, column, of(row, column));
-        }
-        matrix
+        CapacitanceMatrix::from_upper(size, of)
     }
 
     #[test]

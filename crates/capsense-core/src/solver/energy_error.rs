@@ -489,4 +489,44 @@ mod tests {
         }
         assert!(share(&error) < 0.5 * after_bad);
     }
+
+    /// A step that is a little longer than those learned from means nothing at first, and that much is left once a solve is long.
+    #[test]
+    fn long_steps_count_for_more_in_long_solves() {
+        let step = |length| Step { drop: 1e-7, excess: 0.0, energy: 1.0, length };
+        let mut error = fresh();
+        for (count, length) in [(USUAL_STEPS, 1.3), (USUAL_STEPS + 1, 1.3), (USUAL_STEPS + 1, 1.1)] {
+            let ErrorRule::Experience(experience) = &mut error.rule else { panic!("experience") };
+            experience.lengths = [1.0; KINDS_OF_STEPS];
+            error.start();
+            for index in 0..count {
+                let falling = Step { drop: 10_f64.powi(-(index as i32)), ..step(1.0) };
+                error.record(0, if index + 1 == count { Step { length, ..falling } } else { falling });
+                error.advance();
+            }
+            let last = 10_f64.powi(1 - count as i32);
+            let is_long = error.relative(0).unwrap() >= LEFT_AFTER_LONG * last;
+            assert_eq!(is_long, count > USUAL_STEPS && length > LONG_THEN, "{count} {length}");
+        }
+    }
+
+    /// What a slow solve has dropped lately is told from the sums that are kept, whatever their number.
+    #[test]
+    fn the_last_sixth_of_a_slow_solve_is_summed() {
+        let drops: Vec<f64> = (0..3000).map(|step| 1.0 + f64::from(step * 7 % 11)).collect();
+        let mut course = Course::default();
+        for (done, drop) in drops.iter().enumerate() {
+            course.note(*drop);
+            let steps = done + 1;
+            let last = |count: usize| drops[steps - count..steps].iter().sum::<f64>();
+            match steps > SLOW {
+                false => assert_eq!(course.lately(), 0.0),
+                true => {
+                    let told = course.lately();
+                    let [least, most] = [steps / LATELY, steps / LATELY + course.every];
+                    assert!((last(least)..=last(most)).contains(&told), "{steps}: {told}");
+                }
+            }
+        }
+    }
 }

@@ -18,3 +18,17 @@ pub enum Preconditioner {
     /// The identity.
     None,
 }
+
+impl Preconditioner {
+    /// Its name in scene files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Multigrid => "multigrid",
+            Self::Ic0 => "ic0",
+            Self::Direct => "direct",
+            Self::Cholesky => "cholesky",
+            Self::Jacobi => "jacobi",
+            Self::None => "none",
+        }
+    }
+}

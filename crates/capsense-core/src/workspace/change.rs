@@ -1,6 +1,6 @@
 //! What a body changes of C, and by how much two such changes differ.
 
-use crate::capacitance::CapacitanceMatrix;
+use crate::capacitance::{CapacitanceMatrix, upper_triangle};
 
 /// Electrodes that feel less than this part of what the one that feels most does are compared as if they felt so much.
 const FELT: f64 = 0.01;
@@ -25,7 +25,7 @@ impl Change {
     /// The difference of two matrices of one sensor: of the empty scene, and with the body.
     pub fn between(empty: &CapacitanceMatrix, with_body: &CapacitanceMatrix) -> Self {
         let size = empty.size();
-        let farads = pairs(size).map(|(i, j)| with_body.get(i, j) - empty.get(i, j)).collect();
+        let farads = upper_triangle(size).map(|(i, j)| with_body.get(i, j) - empty.get(i, j)).collect();
         Self { size, farads }
     }
 
@@ -43,7 +43,7 @@ impl Change {
 
     /// By how much the change is off a reference of the same sensor; none where that is felt by no electrode.
     pub fn error(&self, reference: &Self) -> Option<ChangeError> {
-        let felt: Vec<f64> = pairs(self.size)
+        let felt: Vec<f64> = upper_triangle(self.size)
             .zip(&reference.farads)
             .filter_map(|((i, j), farads)| (i == j).then_some(*farads))
             .collect();
@@ -53,15 +53,10 @@ impl Change {
         }
         let scales: Vec<f64> = felt.into_iter().map(|felt| felt.max(FELT * most)).collect();
         let entries = self.farads.iter().zip(&reference.farads);
-        let squares = pairs(self.size)
+        let squares = upper_triangle(self.size)
             .zip(entries)
             .map(|((i, j), (ours, theirs))| (ours - theirs).powi(2) / (scales[i] * scales[j]));
         let (sum, largest) = squares.fold((0.0, 0.0f64), |(sum, most), e| (sum + e, most.max(e)));
         Some(ChangeError { of_all: (sum / self.farads.len() as f64).sqrt(), largest: largest.sqrt() })
     }
-}
-
-/// Rows and columns of the upper triangle, row by row.
-fn pairs(size: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..size).flat_map(move |i| (i..size).map(move |j| (i, j)))
 }

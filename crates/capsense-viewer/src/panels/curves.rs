@@ -1,11 +1,12 @@
 //! Curves of chosen entries of the Maxwell matrix, over the time of the session or of the scene's trajectories.
 
-use crate::history::{Overlay, Sample, TimeAxis, pairs};
+use crate::history::{Overlay, Sample, TimeAxis};
 use crate::palette::palette;
 use crate::preferences::CurvePreferences;
 use crate::quantity::{Quantity, Unit};
 use crate::session::Session;
 use crate::style::{self, chip, faint, segmented};
+use capsense::core::capacitance::upper_triangle;
 use egui::{RichText, Ui};
 use egui_plot::{
     AxisHints, HoverPosition, Line, LineStyle, Plot, PlotBounds, PlotPoint, PlotUi, Points, VLine,
@@ -79,7 +80,7 @@ impl CurvesPanel {
         if self.hidden.len() != entries {
             // Of many electrodes only the self-capacitances are shown at first.
             let is_hidden = |(row, column)| electrodes > FEW_ELECTRODES && row != column;
-            self.hidden = pairs(electrodes).map(is_hidden).collect();
+            self.hidden = upper_triangle(electrodes).map(is_hidden).collect();
         }
         if self.tare.as_ref().is_some_and(|tare| tare.len() != self.hidden.len()) {
             self.tare = None;
@@ -159,7 +160,7 @@ impl CurvesPanel {
         egui::ScrollArea::vertical().max_height(CHIPS_HEIGHT).show(ui, |ui| {
             ui.horizontal_wrapped(|ui| {
                 ui.spacing_mut().item_spacing = egui::vec2(6.0, 4.0);
-                for (entry, (row, column)) in pairs(electrodes.len()).enumerate() {
+                for (entry, (row, column)) in upper_triangle(electrodes.len()).enumerate() {
                     let value = read.map_or(String::new(), |sample| {
                         preferences
                             .unit
@@ -236,8 +237,9 @@ impl CurvesPanel {
             false => format!("{symbol} / {unit}"),
         };
         let electrodes = session.history.electrodes();
-        let names: Vec<String> =
-            pairs(electrodes.len()).map(|(a, b)| format!("{}–{}", electrodes[a], electrodes[b])).collect();
+        let names: Vec<String> = upper_triangle(electrodes.len())
+            .map(|(a, b)| format!("{}–{}", electrodes[a], electrodes[b]))
+            .collect();
         let is_held = self.held_at.is_some();
         // Each quantity, unit and axis remembers its own zoom.
         let id = ("curves", preferences.quantity, preferences.unit, preferences.axis, preferences.normalised);

@@ -1,11 +1,12 @@
 //! Measured curves beside the computed ones: recordings from files, and a board that is connected now.
 
-use crate::history::{Overlay, TimeAxis, pairs};
+use crate::history::{Overlay, TimeAxis};
 use crate::live::{Connection, LiveSource};
 use crate::measured::{Channel, Measured};
 use crate::palette::palette;
 use crate::session::Session;
 use crate::style::{chip, error_colour, faint, named, row};
+use capsense::core::capacitance::upper_triangle;
 use capsense::series::Curve;
 use capsense_hw::profile::{DeviceProfile, built_in_names};
 use egui::{ComboBox, DragValue, RichText, TextEdit, Ui};
@@ -282,8 +283,9 @@ fn computed_curve(session: &Session, axis: TimeAxis, channel: &Channel, lag_s: f
 /// One row a channel: whether it is drawn, what it is compared with, how alike they are, and the calibration.
 fn channels(ui: &mut Ui, channels: &mut [Channel], session: &Session, axis: TimeAxis, lag_s: f64) {
     let electrodes = session.history.electrodes();
-    let names: Vec<String> =
-        pairs(electrodes.len()).map(|(a, b)| format!("{}–{}", electrodes[a], electrodes[b])).collect();
+    let names: Vec<String> = upper_triangle(electrodes.len())
+        .map(|(a, b)| format!("{}–{}", electrodes[a], electrodes[b]))
+        .collect();
     for (index, channel) in channels.iter_mut().enumerate() {
         let computed = computed_curve(session, axis, channel, lag_s);
         ui.horizontal(|ui| {

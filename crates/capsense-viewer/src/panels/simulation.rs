@@ -4,7 +4,7 @@ use crate::session::Session;
 use crate::style::{faint, named, row, segmented};
 use capsense::core::occupancy::Interface;
 use capsense::core::solver::Preconditioner;
-use capsense::scene::write::{GeometrySource, preconditioner_name};
+use capsense::scene::GeometrySource;
 use egui::{ComboBox, RichText, Ui};
 
 /// Draws the form.
@@ -12,7 +12,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     let Some(open) = &session.open else { return };
     let (scene, mesh, renderer) = (open.scene.clone(), open.mesh, open.renderer.clone());
     row(ui, "geometry", |ui| {
-        let mut geometry = GeometrySource::of(&scene);
+        let mut geometry = GeometrySource::of(&scene.geometry);
         let choices = [
             (GeometrySource::Camera, "depth camera", "surfaces as a depth camera sees them"),
             (GeometrySource::Solids, "solids", "the exact surfaces"),
@@ -49,19 +49,17 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     });
     row(ui, "preconditioner", |ui| {
         let mut chosen = scene.solver.preconditioner;
-        let list = ComboBox::from_id_salt("preconditioner")
-            .selected_text(preconditioner_name(chosen))
-            .show_ui(ui, |ui| {
-                for choice in [
-                    Preconditioner::Multigrid,
-                    Preconditioner::Ic0,
-                    Preconditioner::Jacobi,
-                    Preconditioner::None,
-                    Preconditioner::Direct,
-                ] {
-                    ui.selectable_value(&mut chosen, choice, preconditioner_name(choice));
-                }
-            });
+        let list = ComboBox::from_id_salt("preconditioner").selected_text(chosen.name()).show_ui(ui, |ui| {
+            for choice in [
+                Preconditioner::Multigrid,
+                Preconditioner::Ic0,
+                Preconditioner::Jacobi,
+                Preconditioner::None,
+                Preconditioner::Direct,
+            ] {
+                ui.selectable_value(&mut chosen, choice, choice.name());
+            }
+        });
         named(list.response, "preconditioner");
         if chosen != scene.solver.preconditioner {
             session.edit(|document| document.set_preconditioner(chosen));

@@ -75,6 +75,19 @@ impl Scene {
         self.holders.iter().map(|&holder| holder != FREE).collect()
     }
 
+    /// Of up to four columns.
+    fn solver_of_four(
+        &self,
+        columns: usize,
+        preconditioner: Preconditioner,
+        threads: usize,
+    ) -> Box<Solver<4>> {
+        match self.solver(columns, preconditioner, threads) {
+            CsrSolver::Four(solver) => solver,
+            CsrSolver::Eight(_) => panic!("{columns} columns are more than four"),
+        }
+    }
+
     fn solver(&self, columns: usize, preconditioner: Preconditioner, threads: usize) -> CsrSolver {
         let workers = Workers::new(threads, self.matrix.nodes());
         let mut solver = CsrSolver::new(&self.matrix, self.holders.len(), columns, preconditioner, workers);
@@ -211,7 +224,7 @@ fn linear_inverses_are_symmetric_and_all_are_positive() {
     let mut scene = Scene::new(5_000);
     scene.move_plate(0.03);
     for preconditioner in ALL {
-        let CsrSolver::Four(mut solver) = scene.solver(3, preconditioner, 1) else { unreachable!() };
+        let mut solver = scene.solver_of_four(3, preconditioner, 1);
         let noise = |row: usize| [0.3, 0.7, 1.1, 1.9].map(|factor| (factor * row as f64).sin());
         let kx: Vec<[f64; 4]> = (0..solver.rows.len()).map(noise).collect();
         let gains = solver.inverse.descend(0, &solver.rows, &kx, &solver.workers).gains;
@@ -392,7 +405,7 @@ fn a_potential_that_is_set_counts_at_all_neighbours() {
 fn incomplete_factors_are_those_of_the_matrix_in_any_form() {
     let mut scene = Scene::new(3_000);
     scene.move_plate(0.03);
-    let CsrSolver::Four(mut solver) = scene.solver(1, Preconditioner::Ic0, 1) else { unreachable!() };
+    let mut solver = scene.solver_of_four(1, Preconditioner::Ic0, 1);
     let nodes = scene.matrix.nodes();
     let row = |node: usize| solver.rows.row_of(node);
     let mut node_of_row = vec![0; nodes];
@@ -410,7 +423,9 @@ fn incomplete_factors_are_those_of_the_matrix_in_any_form() {
     let mut expected = kx.clone();
     factors.solve(&kx, &mut expected);
     let _ = solver.inverse.descend(0, &solver.rows, &kx, &solver.workers);
-    let Preconditioned::Double(z) = solver.inverse.preconditioned(0) else { unreachable!() };
+    let Preconditioned::Double(z) = solver.inverse.preconditioned(0) else {
+        panic!("IC(0) is in double precision")
+    };
     for (row, (z, expected)) in z.iter().zip(&expected).enumerate() {
         let expected = if fixed[row] { 0.0 } else { -expected[0] };
         assert!((z[0] - expected).abs() <= 1e-9 * expected.abs().max(1.0), "row {row}: {} {expected}", z[0]);
@@ -507,7 +522,7 @@ fn a_body_that_nearly_floats_takes_few_iterations() {
 #[test]
 fn an_indefinite_matrix_shows() {
     let scene = Scene::new(3_000);
-    let CsrSolver::Four(mut solver) = scene.solver(2, Preconditioner::Direct, 1) else { unreachable!() };
+    let mut solver = scene.solver_of_four(2, Preconditioner::Direct, 1);
     let free = solver.rows.fixed().iter().position(|fixed| !fixed).unwrap();
     solver.rows.set_diagonal(free, -1.0);
     solver.inverse.refresh(&solver.rows);
