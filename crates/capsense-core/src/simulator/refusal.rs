@@ -3,7 +3,7 @@
 use crate::material::{Connection, Material};
 use crate::occupancy::InvalidDepth;
 use crate::sensor::{FREE, Sensor};
-use crate::solver::{Preconditioner, SolveError, SolverOptions};
+use crate::solver::{CONTRAST, Preconditioner, SolveError, SolverOptions};
 
 /// Why a frame cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -48,6 +48,20 @@ pub enum SimulatorError {
          0.1 to 1000 only"
     )]
     Unpreconditioned {
+        /// Index of the object.
+        object: usize,
+        /// The value given.
+        permittivity: f64,
+    },
+    /// Fields can only be elsewhere on a lattice, with multigrid.
+    #[error("a device solves on lattices with the multigrid preconditioner only; this is {0}")]
+    NotForDevice(&'static str),
+    /// A dielectric that a device cannot solve for in single precision.
+    #[error(
+        "object {object} has a relative permittivity of {permittivity:e}; in single precision a device solves for up to \
+         {CONTRAST:e}"
+    )]
+    PermittivityForDevice {
         /// Index of the object.
         object: usize,
         /// The value given.
@@ -108,6 +122,28 @@ pub(super) fn check(
             if rounding > ALLOWED * tolerance.max(FINEST_TOLERANCE) {
                 return Err(SimulatorError::Permittivity { object, permittivity, rounding, tolerance });
             }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what a device cannot solve for.
+pub(super) fn check_remote(
+    sensor: &Sensor,
+    materials: &[Material],
+    options: &SolverOptions,
+) -> Result<(), SimulatorError> {
+    if sensor.lattice().is_none() {
+        return Err(SimulatorError::NotForDevice("another mesh"));
+    }
+    if options.preconditioner != Preconditioner::Multigrid {
+        return Err(SimulatorError::NotForDevice(options.preconditioner.name()));
+    }
+    for (object, material) in materials.iter().enumerate() {
+        if let Material::Dielectric(permittivity) = *material
+            && permittivity.value() >= CONTRAST
+        {
+            return Err(SimulatorError::PermittivityForDevice { object, permittivity: permittivity.value() });
         }
     }
     Ok(())
