@@ -15,6 +15,10 @@ pub use refusal::SimulatorError;
 /// Largest relative error of the self-capacitances of the empty scene.
 const TOLERANCE_AT_REST: f64 = 1e-8;
 
+/// The part of the tolerance that is asked of fields elsewhere where there are strong dielectrics: what the potential of such
+/// a body as a whole has ahead shows late, and nothing but iterations finds it there.
+const STRONG_ON_DEVICE: f64 = 0.1;
+
 /// What a frame took.
 #[must_use]
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,6 +126,8 @@ impl Simulator {
         remote: Box<dyn RemoteFields>,
     ) -> Result<Self, SimulatorError> {
         refusal::check_remote(&sensor, &materials, &options)?;
+        let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
+        let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
         Self::build(sensor, materials, options, interface, Some(remote))
     }
 

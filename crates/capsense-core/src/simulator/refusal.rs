@@ -3,7 +3,7 @@
 use crate::material::{Connection, Material};
 use crate::occupancy::InvalidDepth;
 use crate::sensor::{FREE, Sensor};
-use crate::solver::{CONTRAST, Preconditioner, SolveError, SolverOptions};
+use crate::solver::{Preconditioner, SolveError, SolverOptions};
 
 /// Why a frame cannot be computed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -59,7 +59,7 @@ pub enum SimulatorError {
     /// A dielectric that a device cannot solve for in single precision.
     #[error(
         "object {object} has a relative permittivity of {permittivity:e}; in single precision a device solves for up to \
-         {CONTRAST:e}"
+         {ON_DEVICE:e}"
     )]
     PermittivityForDevice {
         /// Index of the object.
@@ -86,6 +86,11 @@ const ROUNDING: f64 = 5e-17;
 /// Permittivities with which an iteration without preconditioner does not stand still for long. Measured: with 1e-6, 1e-3, 1e5
 /// and 1e6 errors were 3, 20, 50 and 2000 times what they were told to be.
 const WITHOUT_PRECONDITIONER: std::ops::RangeInclusive<f64> = 0.1..=1e3;
+
+/// The largest permittivity for a device, which solves no direction of a body as a whole on its own. With 80, C of
+/// scenes thrown by dice is within its tolerance (`random_scenes_have_the_capacitances_of_the_processors_solver` in
+/// capsense-render); with 1000 it was not always.
+const ON_DEVICE: f64 = 100.0;
 
 /// Results may be off by so many tolerances.
 const ALLOWED: f64 = 3.0;
@@ -141,7 +146,7 @@ pub(super) fn check_remote(
     }
     for (object, material) in materials.iter().enumerate() {
         if let Material::Dielectric(permittivity) = *material
-            && permittivity.value() >= CONTRAST
+            && permittivity.value() > ON_DEVICE
         {
             return Err(SimulatorError::PermittivityForDevice { object, permittivity: permittivity.value() });
         }

@@ -24,6 +24,9 @@ const ITERATIONS_IN_SINGLE_PRECISION: usize = 30;
 /// The finest relative error of an energy that fields elsewhere, in single precision, are asked for.
 const FINEST_IN_SINGLE_PRECISION: f64 = 1e-7;
 
+/// In single precision, an energy below this part of the largest is that of an object that is not there.
+const ABSENT: f64 = 1e-10;
+
 /// Energies may have changed by this factor since it was said how exact they must be.
 const ENERGIES_CHANGED: f64 = 1.1;
 
@@ -258,15 +261,15 @@ impl FieldSolver {
             report.residual = solution.residual;
             bracket.energies.copy_from_slice(&solution.energies);
             demand.update(&solution.energies);
+            // What was asked for in terms of energies as they were may be a little more than of those now.
+            let allowed = allowed_energies(bracket, demand, *columns, options).unwrap_or_default();
+            let reached = |(to_come, allowed): (&f64, &f64)| *to_come <= ENERGIES_CHANGED * allowed;
+            let enough = solution.to_come.iter().zip(&allowed).all(reached);
             let errors = own_energies(&solution.energies, *columns).zip(&solution.to_come).enumerate();
-            let (mut worst, mut enough) = (0.0_f64, true);
-            for (column, (energy, to_come)) in errors.filter(|(_, (energy, _))| *energy > 0.0) {
-                let relative = to_come / energy;
-                worst = worst.max(demand.error_of_capacitance(column, relative));
-                let allowed = demand.allowed(column, energy, options).max(FINEST_IN_SINGLE_PRECISION);
-                // What was asked for in terms of energies as they were may be a little more than of those now.
-                enough &= relative <= ENERGIES_CHANGED * allowed;
-            }
+            let worst = errors
+                .filter(|(column, (energy, _))| *energy > 0.0 && allowed[*column] < f64::INFINITY)
+                .map(|(column, (energy, to_come))| demand.error_of_capacitance(column, to_come / energy))
+                .fold(0.0, f64::max);
             report.relative_error = worst;
             if enough || known.is_none() {
                 (*residual_is_lost, *residual) = (false, report.residual);
@@ -410,13 +413,14 @@ fn allowed_energies(
     columns: usize,
     options: &SolverOptions,
 ) -> Option<Vec<f64>> {
-    let allowed = |(column, energy): (usize, f64)| match energy > 0.0 {
+    let energies = || own_energies(&bracket.energies, columns);
+    let largest = energies().fold(0.0, f64::max);
+    // Of what is not known, and of objects that are not there, nothing can be asked.
+    let allowed = |(column, energy): (usize, f64)| match energy > ABSENT * largest {
         true => energy * demand.allowed(column, energy, options).max(FINEST_IN_SINGLE_PRECISION),
-        // Nothing can be asked of what is not known; it is once it is.
         false => f64::INFINITY,
     };
-    let energies = || own_energies(&bracket.energies, columns);
-    energies().any(|energy| energy > 0.0).then(|| energies().enumerate().map(allowed).collect())
+    (largest > 0.0).then(|| energies().enumerate().map(allowed).collect())
 }
 
 /// The energies of all columns, of those of all pairs.

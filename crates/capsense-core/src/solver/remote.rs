@@ -71,8 +71,8 @@ pub struct Changes<'a> {
 /// What a solve reached.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RemoteSolution {
-    /// Σ w (x_s - x_s')(x_t - x_t') over edges, plus Σ leak x_s x_t - feed_s x_t - feed_t x_s over nodes, for all pairs of
-    /// columns, row by row.
+    /// Σ w (x_s - x_s')(x_t - x_t') over edges, plus what [`of_links`] tells of each node, for all pairs of columns, row by
+    /// row.
     pub energies: Vec<f64>,
     /// What each column's energy may still fall by, as estimated.
     pub to_come: Vec<f64>,
@@ -82,6 +82,20 @@ pub struct RemoteSolution {
     pub residual: f64,
     /// Kernels that the device launched for it, and for others of a batch along with it.
     pub launches: usize,
+}
+
+/// What the links of a node add to the energy of two columns in which it is at x and y and has these feeds. Most nodes with
+/// links have them to one potential, and differences from that keep digits that products do not.
+pub fn of_links(leak: f32, [x, y]: [f32; 2], [feed_x, feed_y]: [f32; 2]) -> f32 {
+    match potential_of_links(leak, [feed_x, feed_y]) {
+        Some([to_x, to_y]) => leak * (x - to_x) * (y - to_y),
+        None => leak * x * y - feed_x * y - feed_y * x,
+    }
+}
+
+/// The mean potentials that a node's links lead to, where its leak is that of capacitances.
+fn potential_of_links(leak: f32, feeds: [f32; 2]) -> Option<[f32; 2]> {
+    feeds.iter().all(|feed| leak > 0.5 * feed.abs()).then(|| feeds.map(|feed| feed / leak))
 }
 
 /// A solver that keeps the fields.
@@ -154,10 +168,11 @@ pub(crate) struct RemoteSolver {
     holders: Vec<Option<u32>>,
     /// Potentials of electrodes' and objects' rows, row by row.
     bodies: Vec<f64>,
+    /// By node and column.
     feeds: BTreeMap<(u32, u32), f64>,
     emptied: Vec<usize>,
-    /// Σ w V_s V_t over links, row by row.
-    of_links: Vec<f64>,
+    /// What links add to energies that does not depend on potentials of nodes, less what [`of_links`] has of it.
+    constant: Vec<f64>,
     /// Room for what changed.
     rows: Vec<NodeRow>,
     changed_feeds: Vec<Feed>,
@@ -178,7 +193,7 @@ impl Clone for RemoteSolver {
             bodies: self.bodies.clone(),
             feeds: self.feeds.clone(),
             emptied: self.emptied.clone(),
-            of_links: self.of_links.clone(),
+            constant: self.constant.clone(),
             rows: Vec::new(),
             changed_feeds: Vec::new(),
             failed: self.failed.clone(),
@@ -198,7 +213,7 @@ impl RemoteSolver {
             bodies: vec![0.0; bodies * columns],
             feeds: BTreeMap::new(),
             emptied: (0..columns).collect(),
-            of_links: vec![0.0; columns * columns],
+            constant: vec![0.0; columns * columns],
             rows: Vec::new(),
             changed_feeds: Vec::new(),
             failed: None,
@@ -241,13 +256,13 @@ impl RemoteSolver {
 
     fn collect_feeds(&mut self, matrix: &StiffnessMatrix) {
         let mut feeds = BTreeMap::new();
-        self.of_links.fill(0.0);
+        self.constant.fill(0.0);
         for (node, row, weight) in matrix.links() {
             let potentials = &self.bodies[(row - self.nodes) * self.columns..][..self.columns];
             for (s, of_s) in potentials.iter().enumerate().filter(|(_, potential)| **potential != 0.0) {
                 *feeds.entry((node as u32, s as u32)).or_default() += weight * of_s;
                 for (t, of_t) in potentials.iter().enumerate() {
-                    self.of_links[s * self.columns + t] += weight * of_s * of_t;
+                    self.constant[s * self.columns + t] += weight * of_s * of_t;
                 }
             }
         }
@@ -259,6 +274,20 @@ impl RemoteSolver {
         let is_new = |(place, charge): &(&(u32, u32), &f64)| self.feeds.get(place) != Some(charge);
         self.changed_feeds.extend(feeds.iter().filter(is_new).map(|(&place, &charge)| feed(place, charge)));
         self.feeds = feeds;
+        self.take_what_is_told(matrix);
+    }
+
+    /// Takes from the constant part what [`of_links`] of nodes has of it.
+    fn take_what_is_told(&mut self, matrix: &StiffnessMatrix) {
+        for (&(node, s), &of_s) in &self.feeds {
+            let leak = matrix.link_weight(node as usize) as f32;
+            for (&(_, t), &of_t) in self.feeds.range((node, 0)..=(node, u32::MAX)) {
+                if let Some([to_s, to_t]) = potential_of_links(leak, [of_s as f32, of_t as f32]) {
+                    let told = f64::from(leak) * f64::from(to_s) * f64::from(to_t);
+                    self.constant[s as usize * self.columns + t as usize] -= told;
+                }
+            }
+        }
     }
 
     /// Tells of a solve to come.
@@ -277,7 +306,7 @@ impl RemoteSolver {
             return Err(error);
         }
         let mut solution = self.remote.solve(allowed, max_iterations)?;
-        solution.energies.iter_mut().zip(&self.of_links).for_each(|(energy, of_links)| *energy += of_links);
+        solution.energies.iter_mut().zip(&self.constant).for_each(|(energy, constant)| *energy += constant);
         match solution.energies.iter().position(|energy| !energy.is_finite()) {
             Some(at) => {
                 Err(SolveError::NonFinite { column: at / self.columns, iteration: solution.iterations })

@@ -54,6 +54,7 @@ struct Solved {
 struct SceneFields {
     fields: GpuFields,
     scene: usize,
+    columns: usize,
 }
 
 impl GpuFields {
@@ -75,14 +76,15 @@ impl GpuFields {
         Ok(Self { shared: Arc::new(Mutex::new(Shared { device, scenes, traffic: Traffic::default() })) })
     }
 
-    /// The fields of one scene, for one simulator.
+    /// The fields of one scene, for one simulator, that needs so many columns: those of the problem at most.
     ///
     /// # Panics
-    /// When there is no such scene.
-    pub fn scene(&self, scene: usize) -> Box<dyn RemoteFields> {
-        let scenes = self.lock().scenes.len();
-        assert!(scene < scenes, "scene {scene} of {scenes}");
-        Box::new(SceneFields { fields: self.clone(), scene })
+    /// When there is no such scene, or there are fewer columns.
+    pub fn scene(&self, scene: usize, columns: usize) -> Box<dyn RemoteFields> {
+        let shared = self.lock();
+        let (scenes, most) = (shared.scenes.len(), shared.device.plan.columns);
+        assert!(scene < scenes && columns <= most, "scene {scene} of {scenes}, {columns} of {most} columns");
+        Box::new(SceneFields { fields: self.clone(), scene, columns })
     }
 
     /// Name of the adapter and its driver.
@@ -174,10 +176,13 @@ impl Shared {
 impl SceneState {
     fn announce(&mut self, allowed: Option<&[f64]>, max_iterations: usize, columns: usize) {
         let most = u32::try_from(max_iterations).unwrap_or(u32::MAX).min(MOST_ITERATIONS);
+        // Columns that the scene does not need are no reason to go on.
+        let padded = |allowed: &[f64]| {
+            let known = allowed.iter().map(|&allowed| allowed.min(f64::from(f32::MAX)) as f32);
+            known.chain(std::iter::repeat(f32::MAX)).take(columns).collect()
+        };
         (self.announced, self.most_iterations) = match allowed {
-            Some(allowed) => {
-                (Some(allowed.iter().map(|&allowed| allowed.min(f64::from(f32::MAX)) as f32).collect()), most)
-            }
+            Some(allowed) => (Some(padded(allowed)), most),
             None => (Some(vec![0.0; columns]), most.min(UNKNOWN)),
         };
     }
@@ -232,9 +237,11 @@ impl RemoteFields for SceneFields {
             .solved
             .take()
             .unwrap_or(Solved { result: SceneResult::default(), launches: 0 });
+        let all = shared.device.plan.columns;
+        let row = |s: usize| &result.energies[s * all..][..self.columns];
         Ok(RemoteSolution {
-            energies: result.energies,
-            to_come: result.to_come,
+            energies: (0..self.columns).flat_map(row).copied().collect(),
+            to_come: result.to_come[..self.columns].to_vec(),
             iterations: result.iterations as usize,
             residual: result.residual,
             launches,

@@ -216,6 +216,15 @@ fn sum_pairs(value: vec2<f32>) -> vec2<f32> {
     return sum;
 }
 
+// What the links of a node add to the energy of two columns: `capsense_core::solver::of_links`.
+fn of_links(leak: f32, ends: vec2<f32>, feeds: vec2<f32>) -> f32 {
+    if (leak > 0.5 * max(abs(feeds.x), abs(feeds.y))) {
+        let differences = ends - feeds / leak;
+        return leak * differences.x * differences.y;
+    }
+    return leak * ends.x * ends.y - feeds.x * ends.y - feeds.y * ends.x;
+}
+
 // Energies of all pairs of columns, and the residuals and charges, as far as this workgroup has them.
 fn evaluate() {
     let level = plan.levels[0];
@@ -246,7 +255,7 @@ fn evaluate() {
                 sums[t] = add(sums[t], currents.x);
                 sums[t] = add(sums[t], currents.y);
                 sums[t] = add(sums[t], currents.z);
-                sums[t] = add(sums[t], leak * x * y - feed * y - vectors[of_t + plan.feed + node] * x);
+                sums[t] = add(sums[t], of_links(leak, vec2<f32>(x, y), vec2<f32>(feed, vectors[of_t + plan.feed + node])));
             }
         }
         let base = in_scratch + OF_ENERGIES + team * NUMBERS;

@@ -3,7 +3,8 @@
 use super::iteration::to_come;
 use super::plan::{Grid, Plan, Transfer};
 use super::rules::{FIXED, OVERCORRECTION, ROUNDING, SWEEPS};
-use capsense_core::solver::{Changes, NO_HOLDER, RemoteFields, RemoteSolution, SolveError};
+use capsense_core::solver::{Changes, NO_HOLDER, RemoteFields, RemoteSolution, SolveError, of_links};
+use std::sync::{Arc, Mutex};
 
 pub(super) const RED: u32 = 0;
 pub(super) const BLACK: u32 = 1;
@@ -330,12 +331,12 @@ const UNKNOWN: usize = 12;
 /// Fields on the processor, by what the kernels do.
 #[derive(Clone, Debug)]
 pub(super) struct TwinFields {
-    pub(super) twin: Twin,
+    pub(super) twin: Arc<Mutex<Twin>>,
 }
 
 impl TwinFields {
     pub(super) fn new(plan: Plan) -> Self {
-        Self { twin: Twin::new(plan) }
+        Self { twin: Arc::new(Mutex::new(Twin::new(plan))) }
     }
 }
 
@@ -403,6 +404,7 @@ impl Twin {
             f64::from(self.vectors[(vector + column as u32 * level.stride) as usize + node])
         };
         let (potential, feed) = (self.plan.potential, self.plan.feed);
+        let plan_leak = self.plan.leak as usize;
         let mut energies = vec![0.0; columns * columns];
         let mut residual: f64 = 0.0;
         for s in 0..columns {
@@ -414,9 +416,12 @@ impl Twin {
                             |column| at(potential, column, node) - at(potential, column, node + step);
                         sum += f64::from(self.weight(&grid, axis, node)) * difference(s) * difference(t);
                     }
-                    let (x, y) = (at(potential, s, node), at(potential, t, node));
-                    sum +=
-                        at(self.plan.leak, 0, node) * x * y - at(feed, s, node) * y - at(feed, t, node) * x;
+                    let single = |vector: u32, column: usize| {
+                        self.vectors[(vector + column as u32 * level.stride) as usize + node]
+                    };
+                    let leak = self.vectors[plan_leak + node];
+                    let ends = [single(potential, s), single(potential, t)];
+                    sum += f64::from(of_links(leak, ends, [single(feed, s), single(feed, t)]));
                 }
                 energies[s * columns + t] = sum;
             }
@@ -438,7 +443,7 @@ impl Twin {
 
 impl RemoteFields for TwinFields {
     fn update(&mut self, changes: Changes<'_>) -> Result<(), SolveError> {
-        self.twin.update(&changes);
+        self.twin.lock().unwrap().update(&changes);
         Ok(())
     }
 
@@ -447,7 +452,7 @@ impl RemoteFields for TwinFields {
         allowed: Option<&[f64]>,
         max_iterations: usize,
     ) -> Result<RemoteSolution, SolveError> {
-        let twin = &mut self.twin;
+        let twin = &mut *self.twin.lock().unwrap();
         let (columns, level) = (twin.plan.columns, twin.plan.levels[0]);
         twin.coarsen_all();
         twin.residual();
@@ -500,8 +505,9 @@ impl RemoteFields for TwinFields {
     }
 
     fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {
-        let start = (self.twin.plan.potential + column as u32 * self.twin.plan.levels[0].stride) as usize;
-        Ok(self.twin.vectors[start..start + self.twin.plan.nodes()].to_vec())
+        let twin = self.twin.lock().unwrap();
+        let start = (twin.plan.potential + column as u32 * twin.plan.levels[0].stride) as usize;
+        Ok(twin.vectors[start..start + twin.plan.nodes()].to_vec())
     }
 
     fn duplicate(&self) -> Result<Box<dyn RemoteFields>, SolveError> {
