@@ -32,6 +32,7 @@
 #![forbid(unsafe_code)]
 
 pub mod curve_table;
+pub mod device;
 pub mod error_bars;
 pub mod evidence;
 pub mod frame_table;
@@ -44,6 +45,7 @@ pub mod series;
 
 pub use capsense_core as core;
 pub use capsense_render as render;
+pub use device::Device;
 pub use error_bars::ErrorEstimator;
 pub use pipeline::{Frame, Pipeline, PipelineError};
 pub use scene::{Scene, SceneError};

@@ -1,5 +1,6 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
+use crate::device::{self, Device, Placed};
 use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
@@ -8,6 +9,7 @@ use capsense_core::sensor::{Sensor, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
+use capsense_render::fields::GpuFields;
 use capsense_render::{Backend, DepthRenderer, RenderError};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -27,6 +29,9 @@ pub enum PipelineError {
     /// The field cannot be computed.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
+    /// There is no graphics adapter to compute fields on, or it does not suffice.
+    #[error("cannot compute fields on a graphics device: {0}")]
+    Device(RenderError),
     /// The mesh cannot be halved to tell errors.
     #[error("cannot halve the mesh to tell errors: {0}")]
     Halved(SensorError),
@@ -44,6 +49,9 @@ pub struct Milliseconds {
     /// All of it.
     pub total: f64,
 }
+
+/// So many frames tell which device is faster.
+const FRAMES_TO_COMPARE: usize = 9;
 
 /// What was measured in one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,6 +108,8 @@ pub struct Pipeline {
     poses: Vec<Pose>,
     eye: Eye,
     simulator: Simulator,
+    /// What the fields are on, if not on the processor.
+    gpu: Option<GpuFields>,
 }
 
 impl Pipeline {
@@ -116,15 +126,54 @@ impl Pipeline {
     /// # Errors
     /// When the objects cannot be drawn, or the solver fails.
     pub fn with_sensor(scene: &Scene, sensor: Sensor) -> Result<Self, PipelineError> {
-        let materials = scene.objects.iter().map(|object| object.material).collect();
-        let simulator = Simulator::with_interface(sensor, materials, scene.solver, scene.interface)?;
+        match scene.device {
+            Device::Cpu => Self::of(scene, device::on_cpu(scene, sensor)?),
+            Device::Gpu => Self::of(scene, device::on_gpu(scene, sensor, true)?),
+            Device::Auto => {
+                let cpu = Self::of(scene, device::on_cpu(scene, sensor.clone())?)?;
+                match device::on_gpu(scene, sensor, false) {
+                    Ok(gpu) => Self::faster(scene, cpu, Self::of(scene, gpu)?),
+                    Err(error) if device::has_no_gpu(&error) => Ok(cpu),
+                    Err(error) => Err(error),
+                }
+            }
+        }
+    }
+
+    /// The one of two that takes less time for the scene's first frames, in its state before them.
+    fn faster(scene: &Scene, cpu: Self, gpu: Self) -> Result<Self, PipelineError> {
+        let mut candidates = [cpu, gpu];
+        let mut times = [f64::INFINITY; 2];
+        for (pipeline, time) in candidates.iter_mut().zip(&mut times) {
+            let mut of_frames = Vec::with_capacity(FRAMES_TO_COMPARE);
+            for index in 0..FRAMES_TO_COMPARE.min(scene.frames) {
+                let took = pipeline.frame(index)?.milliseconds;
+                of_frames.push(took.update + took.solve);
+            }
+            // Of few frames, the first of which may have much to prepare.
+            of_frames.sort_by(f64::total_cmp);
+            *time = of_frames[of_frames.len() / 2];
+        }
+        let [cpu, gpu] = candidates;
+        let sensor = cpu.simulator.sensor().clone();
+        match times[0] <= times[1] {
+            true => Self::of(scene, device::on_cpu(scene, sensor)?),
+            false => {
+                drop(gpu);
+                Self::of(scene, device::on_gpu(scene, sensor, false)?)
+            }
+        }
+    }
+
+    fn of(scene: &Scene, placed: Placed) -> Result<Self, PipelineError> {
+        let Placed { simulator, gpu } = placed;
         let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
         let eye = match &scene.geometry {
             Geometry::Camera => Eye::Camera(Box::new(Camera::new(scene.view, &shapes, scene.back_fill)?)),
             Geometry::Solids(solids) => Eye::Solids(solids.clone()),
         };
         let poses = Vec::with_capacity(shapes.len());
-        Ok(Self { objects: scene.objects.clone(), frame_rate: scene.frame_rate, poses, eye, simulator })
+        Ok(Self { objects: scene.objects.clone(), frame_rate: scene.frame_rate, poses, eye, simulator, gpu })
     }
 
     /// Computes one frame: the objects move, they are seen, the mesh feels it, the field settles.
@@ -198,6 +247,16 @@ impl Pipeline {
     /// The simulator in the state of the last frame.
     pub fn simulator(&self) -> &Simulator {
         &self.simulator
+    }
+
+    /// What computes the fields: `CPU`, or the name of a graphics adapter.
+    pub fn device(&self) -> String {
+        self.gpu.as_ref().map_or_else(|| "CPU".to_owned(), GpuFields::description)
+    }
+
+    /// Whether a graphics adapter computes the fields.
+    pub fn is_on_gpu(&self) -> bool {
+        self.gpu.is_some()
     }
 
     /// What the camera saw in the last frame, if there is one.

@@ -50,6 +50,11 @@ struct Method<'a> {
 #[derive(Serialize)]
 struct Solver {
     preconditioner: &'static str,
+    /// `CPU`, or the name of the graphics adapter that computed the fields.
+    device: String,
+    /// Kernels that it launched for a frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    launches_median: Option<usize>,
     tolerance: f64,
     /// As asked for; 0: all cores.
     threads: usize,
@@ -108,6 +113,7 @@ impl<'a> Report<'a> {
         let has_camera = matches!(scene.geometry, Geometry::Camera);
         let solved = frames.iter().filter(|frame| !frame.solve.skipped);
         let iterations: Vec<usize> = solved.map(|frame| frame.solve.iterations).collect();
+        let launches: Vec<usize> = frames.iter().map(|frame| frame.solve.launches).collect();
         let errors: Vec<f64> = frames.iter().map(|frame| frame.solve.relative_error).collect();
         Self {
             version: env!("CARGO_PKG_VERSION"),
@@ -124,6 +130,8 @@ impl<'a> Report<'a> {
             },
             solver: Solver {
                 preconditioner: pipeline.simulator().preconditioner().name(),
+                device: pipeline.device(),
+                launches_median: pipeline.is_on_gpu().then(|| percentile(&launches, 0.5)),
                 tolerance: scene.solver.tolerance,
                 threads: scene.threads,
                 frames_skipped: frames.len() - iterations.len(),

@@ -50,6 +50,7 @@ struct SolverSummary {
     iterations: usize,
     relative_error: f64,
     preconditioner: &'static str,
+    device: String,
 }
 
 pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
@@ -87,6 +88,7 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
                 iterations: frame.solve.iterations,
                 relative_error: frame.solve.relative_error,
                 preconditioner: pipeline.simulator().preconditioner().name(),
+                device: pipeline.device(),
             },
             milliseconds: frame.milliseconds,
         };
@@ -120,9 +122,10 @@ fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, bars: Option<&Err
     let took = frame.milliseconds;
     text += &format!("\nMesh: {} tetrahedra, {} nodes\n", size.tets, size.nodes);
     text += &format!(
-        "Solver: {} iterations ({}), relative error {:.1e}\n",
+        "Solver: {} iterations ({}, {}), relative error {:.1e}\n",
         frame.solve.iterations,
         pipeline.simulator().preconditioner().name(),
+        pipeline.device(),
         frame.solve.relative_error
     );
     text += &format!(

@@ -22,6 +22,7 @@ pub use mesh_file::mesh_warnings;
 pub use object::SceneObject;
 pub use source::{SceneError, Source};
 
+use crate::device::Device;
 use crate::motion::frames_until_end;
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::Electrode;
@@ -32,7 +33,7 @@ use capsense_core::occupancy::{Interface, OrthographicView};
 use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, Wall};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use check::Checker;
-use raw::{RawElectrode, RawInterface, RawPreconditioner, RawScene};
+use raw::{RawDevice, RawElectrode, RawInterface, RawPreconditioner, RawScene};
 use std::path::Path;
 
 /// The scene that runs when none is named: a grounded steel bar sweeps past three stripe electrodes.
@@ -81,6 +82,8 @@ pub struct Scene {
     pub solver: SolverOptions,
     /// Threads to use; 0 for all cores. Results do not depend on it.
     pub threads: usize,
+    /// Where fields are computed.
+    pub device: Device,
     /// What converters make of the capacitances, if there are any.
     pub measurement: Option<MeasurementModel>,
     /// What is odd but no error.
@@ -213,6 +216,11 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         Some(RawPreconditioner::None) => Preconditioner::None,
         None => defaults.preconditioner,
     };
+    let device = match raw.solver.device {
+        None | Some(RawDevice::Cpu) => Device::Cpu,
+        Some(RawDevice::Gpu) => Device::Gpu,
+        Some(RawDevice::Auto) => Device::Auto,
+    };
     let threads = check.count("solver.threads", raw.solver.threads.unwrap_or(0), 0, 1024)?;
     let measurement = measurement::measurement(check, raw.measurement.as_ref(), &electrodes, frame_rate)?;
     Ok(Scene {
@@ -239,6 +247,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
             ..defaults
         },
         threads,
+        device,
         measurement,
         warnings,
     })

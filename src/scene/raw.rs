@@ -246,6 +246,15 @@ pub(super) struct RawSolver {
     pub(super) tolerance: Option<f64>,
     pub(super) preconditioner: Option<RawPreconditioner>,
     pub(super) threads: Option<i64>,
+    pub(super) device: Option<RawDevice>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum RawDevice {
+    Cpu,
+    Gpu,
+    Auto,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]

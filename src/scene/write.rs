@@ -5,6 +5,7 @@
 
 use super::source::SceneError;
 use super::{BUILT_IN, BUILT_IN_NAME, GeometrySource, Scene};
+use crate::device::Device;
 use capsense_core::geometry::Pose;
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material};
@@ -187,6 +188,11 @@ impl SceneDocument {
             other => other,
         };
         self.change_table("solver", "preconditioner", named.name().into());
+    }
+
+    /// Where fields are computed.
+    pub fn set_device(&mut self, device: Device) {
+        self.change_table("solver", "device", device.name().into());
     }
 
     /// Threads; 0 for all cores.

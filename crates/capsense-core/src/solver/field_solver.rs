@@ -268,7 +268,9 @@ impl FieldSolver {
             let errors = own_energies(&solution.energies, *columns).zip(&solution.to_come).enumerate();
             let worst = errors
                 .filter(|(column, (energy, _))| *energy > 0.0 && allowed[*column] < f64::INFINITY)
-                .map(|(column, (energy, to_come))| demand.error_of_capacitance(column, to_come / energy))
+                .map(|(column, (energy, to_come))| {
+                    demand.error_of_capacitance(column, to_come / energy + FINEST_IN_SINGLE_PRECISION)
+                })
                 .fold(0.0, f64::max);
             report.relative_error = worst;
             if enough || known.is_none() {

@@ -191,12 +191,12 @@ impl SceneState {
     fn take(&mut self, changes: &Changes<'_>) {
         let SceneChanges { rows, feeds, emptied } = &mut self.changes;
         if !rows.is_empty() {
-            rows.retain(|row| changes.rows.binary_search_by_key(&row[0], |new| new.node).is_err());
+            let new: HashSet<u32> = changes.rows.iter().map(|row| row.node).collect();
+            rows.retain(|row| !new.contains(&row[0]));
         }
         if !feeds.is_empty() {
-            let is_new =
-                |feed: &[u32; 3]| changes.feeds.iter().any(|new| [new.node, new.column] == feed[..2]);
-            feeds.retain(|feed| !is_new(feed));
+            let new: HashSet<[u32; 2]> = changes.feeds.iter().map(|feed| [feed.node, feed.column]).collect();
+            feeds.retain(|feed| !new.contains(&[feed[0], feed[1]]));
         }
         rows.extend(changes.rows.iter().map(|row| {
             let [x, y, z] = row.next.map(f32::to_bits);

@@ -9,6 +9,7 @@ pub(super) const MOST_RATIO: f32 = 0.95;
 
 /// What the energy of one column may still fall by, at most, after a step that lowered it by `drop`. `before` is the drop
 /// of the step before; after the first step of a solve nothing is known.
+#[cfg(test)]
 pub(super) fn to_come(drop: f32, before: Option<f32>) -> f32 {
     let Some(before) = before else { return f32::MAX };
     let ratio = if before > 0.0 { (drop / before).clamp(LEAST_RATIO, MOST_RATIO) } else { MOST_RATIO };

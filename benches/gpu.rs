@@ -1,0 +1,187 @@
+//! A frame on a graphics device beside one on the processor, and many scenes at once: `gpu_step` and `gpu_batch`.
+//!
+//! Without a real graphics adapter there is nothing to time: kernels are compiled and run once in software, which says that
+//! they work, never how fast they are. `scripts/gpu.sh` makes a table of it.
+
+use capsense::core::batch::Batch;
+use capsense::core::electrode::{Electrode, Outline};
+use capsense::core::geometry::{Aabb, Pose, Shape};
+use capsense::core::glam::{DQuat, DVec2, DVec3};
+use capsense::core::material::{Connection, Material};
+use capsense::core::occupancy::Interface;
+use capsense::core::sensor::{Sensor, SensorDesign, Wall};
+use capsense::core::simulator::Simulator;
+use capsense::core::solids::Solids;
+use capsense::core::solver::SolverOptions;
+use capsense::render::RenderError;
+use capsense::render::fields::GpuFields;
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use std::time::Instant;
+
+const BAR: Material = Material::Conductor(Connection::Grounded);
+
+/// Meshes of one scene, and of the scenes of a batch.
+const TETS: [usize; 4] = [24_000, 200_000, 1_500_000, 12_000_000];
+const BATCH: (usize, usize) = (24_000, 256);
+
+/// Three stripes in a box of 0.6 m.
+fn sensor(tets: usize) -> Sensor {
+    let domain = Aabb { min: DVec3::new(-0.3, -0.3, -0.2), max: DVec3::new(0.3, 0.3, 0.4) };
+    let stripe = |x: f64, name: &str| Electrode {
+        name: name.into(),
+        outline: Outline::Rectangle { center: DVec2::new(x, 0.0), size: DVec2::new(0.04, 0.2) },
+        z: 0.0,
+    };
+    let electrodes = vec![stripe(-0.06, "E1"), stripe(0.0, "E2"), stripe(0.06, "E3")];
+    let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
+    let lattice = design.lattice(tets).expect("the stripes fit the domain");
+    Sensor::on_lattice(&design, &lattice).expect("a lattice made for them resolves the stripes")
+}
+
+/// A bar that moves 1 mm a frame towards the stripes and away, between 50 and 100 mm above them.
+fn place(solids: &mut Solids, frame: usize) {
+    let step = frame % 100;
+    let height = 0.05 + 1e-3 * step.min(100 - step) as f64;
+    let pose = Pose { translation: DVec3::new(0.0, 0.0, height), rotation: DQuat::IDENTITY };
+    solids.place(&[pose]).expect("a translation is a pose");
+}
+
+fn solids() -> Solids {
+    Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.05, 0.05) }]).expect("a box is a solid")
+}
+
+fn options() -> SolverOptions {
+    SolverOptions { threads: Some(1), ..SolverOptions::default() }
+}
+
+fn simulator_on(sensor: &Sensor, gpu: &GpuFields, scene: usize) -> Simulator {
+    let columns = sensor.electrode_names().len();
+    Simulator::with_remote(sensor.clone(), vec![BAR], options(), Interface::EdgeCut, gpu.scene(scene, columns))
+        .expect("the empty scene has a solution")
+}
+
+fn fields(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
+    let problem = Simulator::remote_problem(sensor, &[BAR]).expect("the mesh is a lattice");
+    GpuFields::new(&problem, scenes, true)
+}
+
+/// Frames after the first ones, as many as take some seconds; prints what they cost. In software, one.
+fn report(name: &str, gpu: &GpuFields, scenes: usize, mut frame: impl FnMut(usize)) {
+    (0..3).for_each(&mut frame);
+    let _ = gpu.take_traffic();
+    let count = if gpu.is_software() { 1 } else { 100 };
+    let started = Instant::now();
+    (3..3 + count).for_each(&mut frame);
+    let seconds = started.elapsed().as_secs_f64();
+    let traffic = gpu.take_traffic();
+    let each = |number: f64| number / count as f64;
+    let timing = if gpu.is_software() {
+        "not timed: software".to_owned()
+    } else {
+        let bandwidth = traffic.moved as f64 / seconds / 1e9;
+        let rate = (scenes * count) as f64 / seconds;
+        format!("{:.3} ms, {rate:.0} scenes a second, {bandwidth:.0} GB/s at least", 1e3 * each(seconds))
+    };
+    println!(
+        "{name}: {timing}; {:.1} launches, {:.1} kB sent, {:.2} kB received, {:.1} MB moved a frame; {}",
+        each(traffic.launches as f64),
+        1e-3 * each(traffic.sent as f64),
+        1e-3 * each(traffic.received as f64),
+        1e-6 * each(traffic.moved as f64),
+        gpu.description(),
+    );
+}
+
+fn gpu_step(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("gpu_step");
+    group.sample_size(10);
+    for tets in TETS {
+        let sensor = sensor(tets);
+        let name = format!("{} tetrahedra", sensor.mesh().tets().len());
+        let gpu = match fields(&sensor, 1) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                println!("{name}: skipped, {error}");
+                return;
+            }
+        };
+        let mut on_gpu = simulator_on(&sensor, &gpu, 0);
+        let mut solids = solids();
+        report(&name, &gpu, 1, |index| {
+            place(&mut solids, index);
+            let _ = on_gpu.step(&solids).expect("a frame is solved");
+        });
+        if gpu.is_software() {
+            println!("{name}: larger meshes and timing skipped, as there is no real graphics adapter");
+            break;
+        }
+        let mut index = 0;
+        group.bench_function(&name, |bencher| {
+            bencher.iter(|| {
+                index += 1;
+                place(&mut solids, index);
+                black_box(on_gpu.step(&solids).expect("a frame is solved"))
+            });
+        });
+        if tets > 2_000_000 {
+            continue;
+        }
+        let mut on_cpu = Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
+        group.bench_function(format!("{name}, processor"), |bencher| {
+            bencher.iter(|| {
+                index += 1;
+                place(&mut solids, index);
+                black_box(on_cpu.step(&solids).expect("a frame is solved"))
+            });
+        });
+    }
+    group.finish();
+}
+
+fn gpu_batch(criterion: &mut Criterion) {
+    let (tets, scenes) = BATCH;
+    let sensor = sensor(tets);
+    let name = format!("{scenes} scenes of {} tetrahedra", sensor.mesh().tets().len());
+    let gpu = match fields(&sensor, scenes) {
+        Ok(gpu) if gpu.is_software() => {
+            println!("{name}: skipped, as there is no real graphics adapter");
+            return;
+        }
+        Ok(gpu) => gpu,
+        Err(error) => {
+            println!("{name}: skipped, {error}");
+            return;
+        }
+    };
+    let mut batch = Batch::new((0..scenes).map(|scene| simulator_on(&sensor, &gpu, scene)).collect());
+    let mut all = vec![solids(); scenes];
+    let mut frame = |index: usize| {
+        all.iter_mut().enumerate().for_each(|(scene, solids)| place(solids, index + scene));
+        batch.step(&all).into_iter().for_each(|report| drop(report.expect("a frame is solved")));
+    };
+    report(&name, &gpu, scenes, &mut frame);
+    let mut group = criterion.benchmark_group("gpu_batch");
+    group.sample_size(10);
+    let mut index = 0;
+    group.bench_function(&name, |bencher| {
+        bencher.iter(|| {
+            index += 1;
+            frame(index);
+        });
+    });
+    let simulator = Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
+    let mut on_cpu = Batch::new(vec![simulator; scenes]);
+    let mut all = vec![solids(); scenes];
+    group.bench_function(format!("{name}, processor, all cores"), |bencher| {
+        bencher.iter(|| {
+            index += 1;
+            all.iter_mut().enumerate().for_each(|(scene, solids)| place(solids, index + scene));
+            on_cpu.step(&all).into_iter().for_each(|report| drop(report.expect("a frame is solved")));
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, gpu_step, gpu_batch);
+criterion_main!(benches);

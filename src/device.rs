@@ -1,0 +1,68 @@
+//! Where a scene's fields are computed: on the processor, or on a graphics device.
+
+use crate::pipeline::PipelineError;
+use crate::scene::Scene;
+use capsense_core::sensor::Sensor;
+use capsense_core::simulator::{Simulator, SimulatorError};
+use capsense_render::RenderError;
+use capsense_render::fields::GpuFields;
+
+/// What a scene asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Device {
+    /// The processor.
+    #[default]
+    Cpu,
+    /// A graphics adapter, even one in software. It is an error if there is none, or it cannot take the scene.
+    Gpu,
+    /// Whichever is faster for this scene, as measured once; the processor where there is no real graphics adapter.
+    Auto,
+}
+
+impl Device {
+    /// Its name in scene files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Gpu => "gpu",
+            Self::Auto => "auto",
+        }
+    }
+}
+
+/// A simulator, and the graphics device that its fields are on, if they are on one.
+pub(crate) struct Placed {
+    pub(crate) simulator: Simulator,
+    pub(crate) gpu: Option<GpuFields>,
+}
+
+/// The simulator of a scene on the processor.
+pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineError> {
+    let materials = scene.objects.iter().map(|object| object.material).collect();
+    let simulator = Simulator::with_interface(sensor, materials, scene.solver, scene.interface)?;
+    Ok(Placed { simulator, gpu: None })
+}
+
+/// The simulator of a scene on a graphics adapter.
+pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
+    let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
+    let problem =
+        Simulator::remote_problem(&sensor, &materials).ok_or(SimulatorError::NotForDevice("another mesh"))?;
+    let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
+    let fields = gpu.scene(0, problem.columns);
+    let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
+    Ok(Placed { simulator, gpu: Some(gpu) })
+}
+
+/// Whether a scene that leaves the choice to us is to stay on the processor whatever there is: a reason why no adapter takes it.
+pub(crate) fn has_no_gpu(error: &PipelineError) -> bool {
+    let of_adapter =
+        matches!(error, PipelineError::Device(error) if !matches!(error, RenderError::Driver { .. }));
+    let of_scene = matches!(
+        error,
+        PipelineError::Simulator(
+            SimulatorError::NotForDevice(_) | SimulatorError::PermittivityForDevice { .. }
+        )
+    );
+    of_adapter || of_scene
+}
