@@ -57,8 +57,14 @@ fn options() -> SolverOptions {
 
 fn simulator_on(sensor: &Sensor, gpu: &GpuFields, scene: usize) -> Simulator {
     let columns = sensor.electrode_names().len();
-    Simulator::with_remote(sensor.clone(), vec![BAR], options(), Interface::EdgeCut, gpu.scene(scene, columns))
-        .expect("the empty scene has a solution")
+    Simulator::with_remote(
+        sensor.clone(),
+        vec![BAR],
+        options(),
+        Interface::EdgeCut,
+        gpu.scene(scene, columns),
+    )
+    .expect("the empty scene has a solution")
 }
 
 fn fields(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
@@ -127,7 +133,8 @@ fn gpu_step(criterion: &mut Criterion) {
         if tets > 2_000_000 {
             continue;
         }
-        let mut on_cpu = Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
+        let mut on_cpu =
+            Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
         group.bench_function(format!("{name}, processor"), |bencher| {
             bencher.iter(|| {
                 index += 1;
