@@ -1,17 +1,18 @@
 //! The window: menu, panels around the 3D view, shortcuts, files that are dropped.
 
+use crate::frame_rate::{FrameRate, Report, WindowFrame};
 use crate::history::TimeAxis;
 use crate::panels::curves::CurvesPanel;
 use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
 use crate::panels::measurements::Measurements;
-use crate::panels::performance::Performance;
+use crate::panels::performance::{Performance, median};
 use crate::panels::{matrix, objects, simulation, transport};
 use crate::preferences::{CurvePreferences, Preferences, Theme};
 use crate::scene3d::{BodyPose, Scene3d};
 use crate::session::{Bars, Message, Session};
 use crate::start::Start;
 use crate::style::{self, panel_frame, section};
-use crate::{export, shortcuts, status};
+use crate::{export, plain_painter, shortcuts, status};
 use egui::{CentralPanel, Panel, ScrollArea, Ui};
 use egui_wgpu::RenderState;
 use std::path::{Path, PathBuf};
@@ -44,6 +45,9 @@ pub struct ViewerApp {
     frame_began: Option<Instant>,
     moves: u64,
     computed_frames: (usize, Instant),
+    /// Counts frames while the scene plays, and closes the window then.
+    frame_rate: Option<FrameRate>,
+    adapter: String,
 }
 
 impl ViewerApp {
@@ -57,6 +61,9 @@ impl ViewerApp {
         start: Start,
         preferences: Preferences,
     ) -> std::io::Result<Self> {
+        if let Some(state) = render_state {
+            plain_painter::install(ctx, state);
+        }
         let wake = ctx.clone();
         let mut session = Session::new(start.document, start.path, move || wake.request_repaint())?;
         session.message = start.message.map(Message::error);
@@ -73,7 +80,14 @@ impl ViewerApp {
             frame_began: None,
             moves: 0,
             computed_frames: (0, Instant::now()),
+            frame_rate: None,
+            adapter: render_state.map_or_else(String::new, |state| state.adapter.get_info().name),
         })
+    }
+
+    /// Plays the scene as soon as it is there, measures frames of the window, and closes it. Nothing is remembered then.
+    pub fn measure(&mut self, frame_rate: FrameRate) {
+        self.frame_rate = Some(frame_rate);
     }
 
     /// What was remembered of the last start.
@@ -383,6 +397,29 @@ impl ViewerApp {
         }
     }
 
+    /// Notes this frame if frames are counted. `before_s` is what the one before took without waiting, seconds.
+    fn measure_frame(&mut self, ctx: &egui::Context, before_s: Option<f32>) {
+        let (Some(rate), Some(began)) = (&mut self.frame_rate, self.frame_began) else { return };
+        let (Some(open), true) = (&self.session.open, self.session.last.is_some()) else { return };
+        self.session.transport.is_playing = self.session.transport.frames() > 1;
+        ctx.request_repaint();
+        let samples = self.session.history.session();
+        let shapes = self.performance.drawing();
+        if rate.note(WindowFrame { began, shapes, before_s }, samples.len()) {
+            let computed = rate.computed_since(samples.len());
+            rate.finish(Report {
+                adapter: self.adapter.clone(),
+                size: [ctx.viewport_rect().width(), ctx.viewport_rect().height()]
+                    .map(|side| (side * ctx.pixels_per_point()).round() as u32),
+                tets: open.mesh.tets,
+                computed,
+                computing: median(samples[samples.len() - computed..].iter().map(|s| s.milliseconds.total)),
+                ..Report::default()
+            });
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+
     /// Asks for the next frame of the window where there is something to come.
     fn keep_going(&mut self, ctx: &egui::Context) {
         let computed = self.session.history.session().len();
@@ -404,11 +441,14 @@ impl ViewerApp {
 }
 
 impl eframe::App for ViewerApp {
-    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.show(ui);
+        self.measure_frame(ui.ctx(), frame.info().cpu_usage);
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
-        eframe::set_value(storage, PREFERENCES, &self.preferences);
+        if self.frame_rate.is_none() {
+            eframe::set_value(storage, PREFERENCES, &self.preferences);
+        }
     }
 }
