@@ -2,7 +2,7 @@
 
 use eframe::egui_wgpu::ScreenDescriptor;
 use eframe::wgpu;
-use egui::epaint::{ImageData, ImageDelta, Mesh, Vertex};
+use egui::epaint::{ImageData, ImageDelta, Mesh, Vertex, WHITE_UV};
 use egui::{Rect, TextureFilter, TextureId, TextureOptions, TextureWrapMode};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -43,9 +43,22 @@ struct Draw {
     /// In pixels: left, top, width, height.
     scissor: [u32; 4],
     texture: TextureId,
-    indices: Range<u32>,
     first_vertex: i32,
+    runs: Vec<(Ink, Range<u32>)>,
 }
+
+/// How triangles are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Ink {
+    /// Textured, and mixed with what is there.
+    Mixed = 0,
+    /// In colours that hide what is there: a software driver takes a fraction of the time for a pixel.
+    Opaque = 1,
+}
+
+/// Of opaque triangles only those of more square points than this are drawn as such: to change pipelines costs as much as some
+/// thousand pixels.
+const LARGE: f32 = 3000.0;
 
 /// What is drawn after one another.
 #[derive(Debug)]
@@ -64,7 +77,8 @@ struct Texture {
 /// What stays on the device from frame to frame.
 #[derive(Debug)]
 pub(super) struct Canvas {
-    pipeline: wgpu::RenderPipeline,
+    /// By [`Ink`].
+    pipelines: [wgpu::RenderPipeline; 2],
     locals: wgpu::Buffer,
     locals_group: wgpu::BindGroup,
     texture_layout: wgpu::BindGroupLayout,
@@ -102,8 +116,9 @@ impl Canvas {
             layout: &locals_layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: locals.as_entire_binding() }],
         });
+        let layouts = [Some(&locals_layout), Some(&texture_layout)];
         Self {
-            pipeline: pipeline(device, &[Some(&locals_layout), Some(&texture_layout)], window),
+            pipelines: [Ink::Mixed, Ink::Opaque].map(|ink| pipeline(device, &layouts, window, ink)),
             locals,
             locals_group,
             texture_layout,
@@ -207,8 +222,8 @@ impl Canvas {
             batch.draws.push(Draw {
                 scissor: scissor(*clip, per_point, screen.size_in_pixels),
                 texture: mesh.texture_id,
-                indices: first..first + mesh.indices.len() as u32,
                 first_vertex: self.vertices.len() as i32,
+                runs: runs(mesh, first),
             });
             self.vertices.extend_from_slice(&mesh.vertices);
             self.indices.extend_from_slice(&mesh.indices);
@@ -229,7 +244,8 @@ impl Canvas {
             return;
         };
         pass.set_viewport(0.0, 0.0, width as f32, height as f32, 0.0, 1.0);
-        pass.set_pipeline(&self.pipeline);
+        let mut ink = Ink::Mixed;
+        pass.set_pipeline(&self.pipelines[ink as usize]);
         pass.set_bind_group(0, &self.locals_group, &[]);
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
@@ -238,10 +254,37 @@ impl Canvas {
             if let (Some(texture), true) = (self.textures.get(&draw.texture), width > 0 && height > 0) {
                 pass.set_scissor_rect(x, y, width, height);
                 pass.set_bind_group(1, &texture.group, &[]);
-                pass.draw_indexed(draw.indices.clone(), draw.first_vertex, 0..1);
+                for (of_run, indices) in &draw.runs {
+                    if ink != *of_run {
+                        ink = *of_run;
+                        pass.set_pipeline(&self.pipelines[ink as usize]);
+                    }
+                    pass.draw_indexed(indices.clone(), draw.first_vertex, 0..1);
+                }
             }
         }
     }
+}
+
+/// A mesh's triangles in their order, where its indices begin at `first`.
+fn runs(mesh: &Mesh, first: u32) -> Vec<(Ink, Range<u32>)> {
+    let mut runs: Vec<(Ink, Range<u32>)> = Vec::new();
+    for (corners, at) in mesh.indices.as_chunks::<3>().0.iter().zip((first..).step_by(3)) {
+        let ink = ink_of(corners.map(|corner| mesh.vertices[corner as usize]));
+        match runs.last_mut() {
+            Some((last, indices)) if *last == ink => indices.end = at + 3,
+            _ => runs.push((ink, at..at + 3)),
+        }
+    }
+    runs
+}
+
+fn ink_of(corners: [Vertex; 3]) -> Ink {
+    let is_plain = |vertex: &Vertex| vertex.uv == WHITE_UV && vertex.color.is_opaque();
+    let [a, b, c] = corners.map(|vertex| vertex.pos);
+    let [u, v] = [b - a, c - a];
+    let is_large = (u.x * v.y - u.y * v.x).abs() > 2.0 * LARGE;
+    if is_large && corners.iter().all(is_plain) { Ink::Opaque } else { Ink::Mixed }
 }
 
 /// The pixels of a rectangle in points, as far as they are in the window: left, top, width, height.
@@ -289,6 +332,7 @@ fn pipeline(
     device: &wgpu::Device,
     bind_group_layouts: &[Option<&wgpu::BindGroupLayout>],
     window: wgpu::TextureFormat,
+    ink: Ink,
 ) -> wgpu::RenderPipeline {
     const ATTRIBUTES: [wgpu::VertexAttribute; 3] =
         wgpu::vertex_attr_array![0 => Float32x2, 1 => Float32x2, 2 => Unorm8x4];
@@ -301,6 +345,10 @@ fn pipeline(
         bind_group_layouts,
         immediate_size: 0,
     });
+    let (fragment, blend) = match ink {
+        Ink::Mixed => ("mixed_fragment", Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING)),
+        Ink::Opaque => ("opaque_fragment", None),
+    };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("plain"),
         layout: Some(&layout),
@@ -319,15 +367,65 @@ fn pipeline(
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module: &shader,
-            entry_point: Some("plain_fragment"),
+            entry_point: Some(fragment),
             compilation_options: Default::default(),
             targets: &[Some(wgpu::ColorTargetState {
                 format: window,
-                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                blend,
                 write_mask: wgpu::ColorWrites::ALL,
             })],
         }),
         multiview_mask: None,
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use eframe::wgpu::naga;
+    use egui::{Color32, pos2};
+
+    /// Needs no GPU: the shader is valid WGSL and has the entry points that the pipelines name.
+    #[test]
+    fn the_shader_is_valid() {
+        let module = naga::front::wgsl::parse_str(include_str!("plain.wgsl")).unwrap();
+        let flags = naga::valid::ValidationFlags::all();
+        naga::valid::Validator::new(flags, naga::valid::Capabilities::empty()).validate(&module).unwrap();
+        let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(names, ["plain_vertex", "mixed_fragment", "opaque_fragment"]);
+    }
+
+    #[test]
+    fn only_large_triangles_that_hide_all_behind_them_are_opaque_and_order_stays() {
+        let square = |mesh: &mut Mesh, side: f32, colour: Color32| {
+            mesh.add_colored_rect(Rect::from_min_max(pos2(3.0, 5.0), pos2(3.0 + side, 5.0 + side)), colour);
+        };
+        let mut mesh = Mesh::default();
+        square(&mut mesh, 70.0, Color32::RED);
+        square(&mut mesh, 80.0, Color32::RED);
+        square(&mut mesh, 80.0, Color32::from_black_alpha(254));
+        square(&mut mesh, 200.0, Color32::BLUE);
+        square(&mut mesh, 200.0, Color32::GREEN);
+        let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        mesh.add_rect_with_uv(Rect::from_min_max(pos2(0.0, 0.0), pos2(300.0, 300.0)), all, Color32::WHITE);
+        let expected = [
+            (Ink::Mixed, 60..66),
+            (Ink::Opaque, 66..72),
+            (Ink::Mixed, 72..78),
+            (Ink::Opaque, 78..90),
+            (Ink::Mixed, 90..96),
+        ];
+        assert_eq!(runs(&mesh, 60), expected);
+        assert!(runs(&Mesh::default(), 0).is_empty());
+    }
+
+    #[test]
+    fn scissors_end_where_the_window_does() {
+        let window = [800, 600];
+        let clip = Rect::from_min_max(pos2(-5.0, 10.2), pos2(399.8, 1e9));
+        assert_eq!(scissor(clip, 1.5, window), [0, 15, 600, 585]);
+        assert_eq!(scissor(Rect::EVERYTHING, 1.0, window), [0, 0, 800, 600]);
+        assert_eq!(scissor(Rect::NOTHING, 1.0, window), [800, 600, 0, 0]);
+    }
 }

@@ -31,6 +31,12 @@ fn plain_vertex(
 }
 
 @fragment
-fn plain_fragment(in: Out) -> @location(0) vec4<f32> {
+fn mixed_fragment(in: Out) -> @location(0) vec4<f32> {
     return in.colour * textureSample(picture, picture_sampler, in.part);
+}
+
+// For what has no texture and hides what is behind it.
+@fragment
+fn opaque_fragment(in: Out) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.colour.rgb, 1.0);
 }
