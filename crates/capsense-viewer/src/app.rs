@@ -1,5 +1,6 @@
 //! The window: menu, panels around the 3D view, shortcuts, files that are dropped.
 
+use crate::export::WindowPictures;
 use crate::frame_rate::{FrameRate, Report, WindowFrame};
 use crate::history::TimeAxis;
 use crate::panels::curves::CurvesPanel;
@@ -12,7 +13,7 @@ use crate::scene3d::{BodyPose, Scene3d};
 use crate::session::{Bars, Message, Session};
 use crate::start::Start;
 use crate::style::{self, panel_frame, section};
-use crate::{export, plain_painter, shortcuts, status};
+use crate::{plain_painter, shortcuts, status};
 use egui::{CentralPanel, Panel, ScrollArea, Ui};
 use egui_wgpu::RenderState;
 use std::path::{Path, PathBuf};
@@ -48,6 +49,7 @@ pub struct ViewerApp {
     /// Counts frames while the scene plays, and closes the window then.
     frame_rate: Option<FrameRate>,
     adapter: String,
+    pictures: WindowPictures,
 }
 
 impl ViewerApp {
@@ -82,6 +84,7 @@ impl ViewerApp {
             computed_frames: (0, Instant::now()),
             frame_rate: None,
             adapter: render_state.map_or_else(String::new, |state| state.adapter.get_info().name),
+            pictures: WindowPictures::default(),
         })
     }
 
@@ -107,6 +110,7 @@ impl ViewerApp {
         self.session.update(between);
         self.measurements.update(&self.session);
         self.open_waiting_recording();
+        self.told_of_pictures();
         self.dropped_files(ui.ctx());
         if self.dialog.is_none() {
             shortcuts::apply(ui.ctx(), self);
@@ -344,7 +348,11 @@ impl ViewerApp {
                 let table = table.map_err(|error| error.to_string())?;
                 std::fs::write(path, table).map_err(|error| format!("{}: {error}", path.display()))?;
             }
-            Purpose::ExportPng => export::window_png(ctx, path.to_owned()),
+            // What became of it comes with a later frame.
+            Purpose::ExportPng => {
+                self.pictures.ask(ctx, path.to_owned());
+                return Ok(());
+            }
         }
         self.session.message = Some(Message::note(format!("written to {}", path.display())));
         Ok(())
@@ -367,6 +375,16 @@ impl ViewerApp {
             && let Err(message) = self.measurements.open(&path, &self.session)
         {
             self.session.message = Some(Message::error(message));
+        }
+    }
+
+    /// Pictures of the window are written after the frame in which they were asked for.
+    fn told_of_pictures(&mut self) {
+        while let Some(written) = self.pictures.news() {
+            self.session.message = Some(match written {
+                Ok(path) => Message::note(format!("written to {}", path.display())),
+                Err(error) => Message::error(error),
+            });
         }
     }
 

@@ -25,7 +25,7 @@ struct Arguments {
     #[arg(long, value_name = "FILE.png", group = "picture_or_rate")]
     screenshot: Option<PathBuf>,
     /// The frame of the picture; all before it are computed too
-    #[arg(long, default_value_t = 0, requires = "screenshot")]
+    #[arg(long, default_value_t = 0, requires = "screenshot", conflicts_with = "measure_fps")]
     frame: usize,
     /// Play the scene in the window for so many seconds, tell how many frames a second were drawn, and close
     #[arg(long, value_name = "SECONDS", group = "picture_or_rate",
@@ -36,10 +36,11 @@ struct Arguments {
         value_parser = clap::value_parser!(u32).range(64..=8192), requires = "picture_or_rate")]
     size: Vec<u32>,
     /// Ground of the picture
-    #[arg(long, value_enum, default_value_t = Ground::Dark, requires = "screenshot")]
+    #[arg(long, value_enum, default_value_t = Ground::Dark, requires = "screenshot",
+        conflicts_with = "measure_fps")]
     theme: Ground,
     /// Tell error bars of the picture's frame
-    #[arg(long, requires = "screenshot")]
+    #[arg(long, requires = "screenshot", conflicts_with = "measure_fps")]
     bars: bool,
 }
 

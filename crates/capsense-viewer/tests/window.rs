@@ -30,6 +30,7 @@ fn ready(text: &str) -> Harness<'static, ViewerApp> {
 fn press(harness: &mut Harness<'_, ViewerApp>, modifiers: Modifiers, key: Key) {
     harness.key_press_modifiers(modifiers, key);
     harness.run_steps(2);
+    harness.check_accessibility();
 }
 
 /// A file that is dropped on the window.
@@ -164,6 +165,53 @@ fn curves_are_exported_to_the_path_that_is_given() {
 }
 
 #[test]
+fn pictures_of_the_window_are_written_and_failures_told_in_it() {
+    let mut harness = ready(SCENE);
+    let folder = tempfile::tempdir().unwrap();
+    let (good, bad) = (folder.path().join("window.png"), folder.path().join("no/such/folder.png"));
+    for (path, told, severity) in
+        [(&good, "written to", Severity::Note), (&bad, "no/such/folder.png:", Severity::Error)]
+    {
+        press(&mut harness, Modifiers::COMMAND, Key::P);
+        press(&mut harness, Modifiers::COMMAND, Key::A);
+        harness.event(Event::Text(path.display().to_string()));
+        harness.run_steps(2);
+        press(&mut harness, Modifiers::NONE, Key::Enter);
+        until(&mut harness, |app| app.session.message.as_ref().is_some_and(|m| m.severity == severity));
+        harness.get_by_label_contains(told);
+    }
+    assert_eq!(image::open(&good).unwrap().to_rgba8().dimensions(), (1200, 800));
+    assert!(!bad.exists());
+}
+
+/// With all that can be unfolded on the screen: who cannot see the window is told what each widget is.
+#[test]
+fn every_widget_has_a_name() {
+    let converters =
+        "[measurement]\nchannels = [[\"E2\", \"E1\"]]\nconverter = { step = 1e-15, bits = 16 }\n";
+    let mut harness = window(start(&format!("{SCENE}{converters}")), preferences(), [1200.0, 3000.0]);
+    settle(&mut harness);
+    for label in ["bar", "Mesh", "live"] {
+        harness.get_by_label(label).click();
+        harness.run_steps(2);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let curves = folder.path().join("curves.csv");
+    let table = harness.state().session.history.to_csv(TimeAxis::Scene).unwrap();
+    std::fs::write(&curves, table).unwrap();
+    drop_file(&mut harness, &curves);
+    harness.check_accessibility();
+    for (menu, entry) in [("File", "Undo"), ("View", "Light")] {
+        harness.get_by_label(menu).click();
+        harness.run_steps(4);
+        assert!(harness.query_by_label_contains(entry).is_some(), "{menu} opens");
+        harness.check_accessibility();
+        harness.get_by_label(menu).click();
+        harness.run_steps(4);
+    }
+}
+
+#[test]
 fn keys_list_shortcuts_and_fold_panels() {
     let mut harness = ready(SCENE);
     harness.event(Event::Text("?".to_owned()));
@@ -258,6 +306,20 @@ fn pictures_need_no_display() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("frames 0 to 20"), "{message}");
+}
+
+/// A size is for pictures and for windows that are measured; frames of a picture are not counted.
+#[test]
+fn arguments_that_do_not_go_together_are_refused() {
+    for arguments in [
+        &["--size", "800", "600"][..],
+        &["--measure-fps", "2", "--screenshot", "picture.png"],
+        &["--measure-fps", "0"],
+        &["--measure-fps", "2", "--frame", "3"],
+    ] {
+        let output = viewer().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
 }
 
 #[test]
