@@ -51,7 +51,7 @@ impl eframe::App for View {
             self.scene3d.show(ui, &self.frame, &mut self.bodies, &mut Some(1));
         });
         let painter = ui.ctx().layer_painter(egui::LayerId::debug());
-        let clipped = painter.with_clip_rect(Rect::from_min_max(pos2(150.0, 100.5), pos2(400.0, 300.0)));
+        let clipped = painter.with_clip_rect(Rect::from_min_max(pos2(340.0, 140.5), pos2(420.0, 250.0)));
         clipped.circle_filled(pos2(400.0, 200.0), 90.0, Color32::from_rgba_unmultiplied(200, 60, 20, 128));
         for (index, picture) in (0u8..).zip(&self.pictures) {
             let place =
