@@ -122,8 +122,8 @@ fn files_that_are_dropped_are_opened_or_told_of() {
     for (name, bytes, told) in [
         ("bad.toml", &b"[mesh\n"[..], "bad.toml:1"),
         ("bad.stl", b"solid nothing", "bad.stl"),
-        ("bad.csv", b"\xff\xfe\x00", "bad.csv"),
-        ("bad.mcap", b"no recording", "bad.mcap"),
+        ("bad.csv", b"a,b\n1,2\n", "bad.csv, line 1: no column is called time_s"),
+        ("bad.mcap", b"no recording", "bad.mcap: Bad magic number"),
         ("bad.exe", b"", "bad.exe"),
     ] {
         let path = folder.path().join(name);
