@@ -14,6 +14,8 @@ pub struct Request {
     pub length: Duration,
     /// Width and height of the window in points.
     pub size: [u32; 2],
+    /// When the program was started.
+    pub started: Instant,
 }
 
 /// What was measured.
@@ -25,6 +27,8 @@ pub struct Report {
     pub size: [u32; 2],
     /// Elements of the scene's mesh.
     pub tets: usize,
+    /// Seconds from the start of the program to the first frame that shows the scene.
+    pub first_s: f64,
     /// Frames that were counted, and the seconds from the first to the last.
     pub frames: usize,
     /// See `frames`.
@@ -35,6 +39,9 @@ pub struct Report {
     pub shapes: f64,
     /// Milliseconds of a frame in which shapes were cut into triangles and sent to the driver, median.
     pub painting: f64,
+    /// Processor time of all threads in a frame, the driver's and the simulation's too, mean, in milliseconds; where the
+    /// system tells it.
+    pub processor: Option<f64>,
     /// Frames of the scene that were computed meanwhile, and milliseconds of each, median.
     pub computed: usize,
     /// See `computed`.
@@ -61,17 +68,22 @@ impl fmt::Display for Report {
             at(0.95)
         )?;
         let waiting = (at(0.5) - self.shapes - self.painting).max(0.0);
-        writeln!(
+        write!(
             out,
             "of these: {:.1} ms shapes, {:.1} ms triangles, {waiting:.1} ms driver and display",
             self.shapes, self.painting
         )?;
-        write!(
+        match self.processor {
+            Some(processor) => writeln!(out, "; processor time {processor:.1} ms")?,
+            None => writeln!(out)?,
+        }
+        writeln!(
             out,
             "computed meanwhile: {:.1} frames/s of the scene, {:.1} ms each",
             self.computed as f64 / self.seconds.max(1e-9),
             self.computing
-        )
+        )?;
+        write!(out, "the scene was there {:.2} s after the start", self.first_s)
     }
 }
 
@@ -84,6 +96,15 @@ fn quantile(sorted: &[f64], part: f64) -> f64 {
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     quantile(&values, 0.5)
+}
+
+/// Processor time of all threads of this program so far, in seconds, to 10 ms; where the system tells it (Linux).
+pub fn processor_s() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // User and system time, in hundredths of a second, are the 12th and 13th field after the program's name.
+    let mut fields = stat.rsplit(')').next()?.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some(0.01 * (ticks()? + ticks()?))
 }
 
 /// Where a report is left for who opened the window.
@@ -103,7 +124,10 @@ pub struct WindowFrame {
 /// Counts frames.
 #[derive(Debug)]
 pub struct FrameRate {
-    length: Duration,
+    request: Request,
+    /// When the first frame began.
+    first: Option<Instant>,
+    processor_before: Option<f64>,
     skipped: usize,
     /// Frames that were computed before the first that is counted.
     computed_before: usize,
@@ -114,18 +138,28 @@ pub struct FrameRate {
 impl FrameRate {
     /// Begins once frames are noted, and leaves its report in `slot`.
     pub fn new(request: Request, slot: ReportSlot) -> Self {
-        Self { length: request.length, skipped: 0, computed_before: 0, frames: Vec::new(), slot }
+        Self {
+            request,
+            first: None,
+            processor_before: None,
+            skipped: 0,
+            computed_before: 0,
+            frames: Vec::new(),
+            slot,
+        }
     }
 
     /// Takes a frame, and how many of the scene were computed so far. Returns whether that is all.
     pub fn note(&mut self, frame: WindowFrame, computed: usize) -> bool {
+        self.first.get_or_insert(frame.began);
         if self.skipped < WARM_UP {
             self.skipped += 1;
             self.computed_before = computed;
+            self.processor_before = processor_s();
             return false;
         }
         self.frames.push(frame);
-        frame.began - self.frames[0].began >= self.length
+        frame.began - self.frames[0].began >= self.request.length
     }
 
     /// How many of `computed` frames are of the time that is measured.
@@ -142,7 +176,10 @@ impl FrameRate {
         let painting = pairs().filter_map(|(frame, next)| {
             Some((f64::from(next.before_s?) * 1e3 - milliseconds(frame.shapes)).max(0.0))
         });
+        let processor = self.processor_before.zip(processor_s());
         let report = Report {
+            first_s: self.first.map_or(0.0, |first| (first - self.request.started).as_secs_f64()),
+            processor: processor.map(|(before, now)| (now - before) * 1e3 / intervals.len().max(1) as f64),
             frames: intervals.len(),
             seconds: intervals.iter().sum::<f64>() * 1e-3,
             shapes: median(self.frames.iter().map(|frame| milliseconds(frame.shapes)).collect()),
@@ -161,9 +198,10 @@ mod tests {
     #[test]
     fn frames_are_counted_after_some_and_until_the_time_is_over() {
         let slot = ReportSlot::default();
-        let request = Request { length: Duration::from_secs(2), size: [800, 600] };
-        let mut rate = FrameRate::new(request, slot.clone());
         let begun = Instant::now();
+        let started = begun - Duration::from_millis(750);
+        let request = Request { length: Duration::from_secs(2), size: [800, 600], started };
+        let mut rate = FrameRate::new(request, slot.clone());
         let mut noted = 0;
         loop {
             let frame = WindowFrame {
@@ -187,12 +225,29 @@ mod tests {
         assert!(text.contains("50.0 frames/s; from one to the next 20.0 ms"), "{text}");
         assert!(text.contains("3.0 ms shapes, 2.0 ms triangles, 15.0 ms driver"), "{text}");
         assert!(text.contains("101.0 frames/s of the scene"), "{text}");
+        assert!(text.ends_with("0.75 s after the start"), "{text}");
+    }
+
+    #[test]
+    fn processor_time_is_that_of_all_threads() {
+        // Systems other than Linux tell none.
+        let Some(before) = processor_s() else { return };
+        let work = || {
+            let begun = Instant::now();
+            let mut sum = 0u64;
+            while begun.elapsed() < Duration::from_millis(120) {
+                sum = std::hint::black_box(sum.wrapping_mul(31) + 7);
+            }
+        };
+        std::thread::scope(|scope| drop([scope.spawn(work), scope.spawn(work)]));
+        assert!(processor_s().unwrap() > before);
     }
 
     #[test]
     fn a_window_that_was_closed_at_once_has_no_rate() {
         let slot = ReportSlot::default();
-        let rate = FrameRate::new(Request { length: Duration::ZERO, size: [1, 1] }, slot.clone());
+        let request = Request { length: Duration::ZERO, size: [1, 1], started: Instant::now() };
+        let rate = FrameRate::new(request, slot.clone());
         rate.finish(Report::default());
         let report = slot.lock().unwrap().take().unwrap();
         assert_eq!(report.frames_per_second(), 0.0);

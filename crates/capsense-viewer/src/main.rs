@@ -8,7 +8,7 @@ use capsense_viewer::start::Start;
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A scene that can be touched, and what its sensor measures meanwhile.
 #[derive(Parser)]
@@ -51,6 +51,7 @@ enum Ground {
 }
 
 fn main() -> ExitCode {
+    let started = Instant::now();
     let arguments = Arguments::parse();
     let (start, mut code) = match arguments.scene.as_deref().map(Start::from_path) {
         None => (Start::built_in().map_err(|error| error.to_string()), 0),
@@ -78,6 +79,7 @@ fn main() -> ExitCode {
     let measured = arguments.measure_fps.map(|seconds| frame_rate::Request {
         length: Duration::from_secs(seconds),
         size: [arguments.size[0], arguments.size[1]],
+        started,
     });
     match open_window(start, measured) {
         Ok(Some(report)) => println!("{report}"),
