@@ -40,6 +40,8 @@ pub struct ViewerApp {
     pub measurements: Measurements,
     /// A recording to be opened once its scene is there.
     waiting_recording: Option<PathBuf>,
+    /// What is to be told once a scene is there, which takes messages about others away.
+    waiting_message: Option<String>,
     scene3d: Scene3d,
     performance: Performance,
     shown_theme: Option<Theme>,
@@ -68,7 +70,7 @@ impl ViewerApp {
         }
         let wake = ctx.clone();
         let mut session = Session::new(start.document, start.path, move || wake.request_repaint())?;
-        session.message = start.message.map(Message::error);
+        session.message = start.message.as_ref().map(Message::error);
         Ok(Self {
             session,
             preferences,
@@ -76,6 +78,7 @@ impl ViewerApp {
             dialog: None,
             measurements: Measurements::default(),
             waiting_recording: start.recording,
+            waiting_message: start.message,
             scene3d: Scene3d::new(render_state),
             performance: Performance::default(),
             shown_theme: None,
@@ -109,7 +112,7 @@ impl ViewerApp {
         }
         self.session.update(between);
         self.measurements.update(&self.session);
-        self.open_waiting_recording();
+        self.take_up_what_waits();
         self.told_of_pictures();
         self.dropped_files(ui.ctx());
         if self.dialog.is_none() {
@@ -366,10 +369,14 @@ impl ViewerApp {
         Ok(())
     }
 
-    /// The curves of a run are compared with its own scene, which must be there first.
-    fn open_waiting_recording(&mut self) {
+    /// The curves of a run are compared with its own scene, which must be there first; and what was wrong with another
+    /// scene is told beside the one that is shown in its place.
+    fn take_up_what_waits(&mut self) {
         if !self.session.is_open() {
             return;
+        }
+        if let Some(message) = self.waiting_message.take() {
+            self.session.message = Some(Message::error(message));
         }
         if let Some(path) = self.waiting_recording.take()
             && let Err(message) = self.measurements.open(&path, &self.session)

@@ -140,6 +140,18 @@ fn files_that_are_dropped_are_opened_or_told_of() {
 }
 
 #[test]
+fn a_scene_that_cannot_be_read_at_the_start_is_told_of_beside_the_one_that_is_shown() {
+    let message = Start::from_path(Path::new("no/such.toml")).unwrap_err();
+    let start = Start { message: Some(message), ..start(SCENE) };
+    let mut harness = window(start, preferences(), SIZE);
+    settle(&mut harness);
+    harness.get_by_label_contains("no/such.toml: cannot read the scene");
+    harness.get_by_label("dismiss").click();
+    harness.run_steps(4);
+    assert!(harness.query_by_label_contains("no/such.toml").is_none(), "it is told once");
+}
+
+#[test]
 fn curves_are_exported_to_the_path_that_is_given() {
     let mut harness = ready(SCENE);
     press(&mut harness, Modifiers::COMMAND, Key::E);

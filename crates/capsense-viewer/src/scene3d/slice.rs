@@ -173,8 +173,8 @@ mod tests {
             let whole = size[(plane.axis + 1) % 3] * size[(plane.axis + 2) % 3];
             assert!((covered / whole - 1.0).abs() < 1e-6, "{plane:?}: {covered} {whole}");
             // Nothing lies over anything else.
-            for k in 0..40 {
-                let parts = [0.618_034, 0.754_878, 0.569_84].map(|step| (f64::from(k) * step + 0.1).fract());
+            for k in 1..40 {
+                let parts = [0.618_034, 0.754_878, 0.569_84].map(|step| (f64::from(k) * step).fract());
                 let mut place = scene.domain.min + scene.domain.size() * DVec3::from(parts);
                 place[plane.axis] = plane.position;
                 let holds = |[a, b, c]: &&[DVec3; 3]| {
