@@ -5,6 +5,8 @@
 
 use anyhow::{Result, anyhow};
 use capsense::{Pipeline, Scene};
+use capsense_viewer::frame_rate::processor_s;
+use capsense_viewer::plain_painter;
 use capsense_viewer::scene3d::{BodyPose, Frame3d, Frame3dBuilder, Quantity, Scene3d, ViewOptions};
 use egui::Vec2;
 use egui_kittest::Harness;
@@ -40,13 +42,9 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Processor time of the program so far in ms, to 10 ms; not a number where it is not known.
+/// Processor time of the program so far in ms; not a number where it is not known.
 fn processor_ms() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // User and system time, in hundredths of a second, are the 12th and 13th field after the program's name.
-    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace().skip(11).take(2);
-    let ticks: Vec<f64> = fields.filter_map(|field| field.parse().ok()).collect();
-    if ticks.len() == 2 { 10.0 * ticks.iter().sum::<f64>() } else { f64::NAN }
+    processor_s().map_or(f64::NAN, |seconds| 1e3 * seconds)
 }
 
 fn main() -> Result<()> {
@@ -65,12 +63,11 @@ fn main() -> Result<()> {
     println!("snapshot of a frame: {:.2} ms", median(snapshots));
     let pose = scene.objects[0].motion.pose_at(1.0);
     let first = frames[0].clone();
-    let mut harness =
-        Harness::builder().with_size(Vec2::new(800.0, 600.0)).wgpu().build_eframe(move |cc| View {
-            scene3d: Scene3d::new(cc.wgpu_render_state.as_ref()),
-            frame: first,
-            bodies: vec![BodyPose::new("bar", &pose)],
-        });
+    let mut harness = Harness::builder().with_size(Vec2::new(800.0, 600.0)).wgpu().build_eframe(move |cc| {
+        let state = cc.wgpu_render_state.as_ref();
+        state.inspect(|state| plain_painter::install(&cc.egui_ctx, state));
+        View { scene3d: Scene3d::new(state), frame: first, bodies: vec![BodyPose::new("bar", &pose)] }
+    });
     let plain = ViewOptions { slice: false, ..ViewOptions::default() };
     let all = ViewOptions {
         slice: true,

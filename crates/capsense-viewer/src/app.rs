@@ -1,17 +1,19 @@
 //! The window: menu, panels around the 3D view, shortcuts, files that are dropped.
 
+use crate::export::WindowPictures;
+use crate::frame_rate::{FrameRate, Report, WindowFrame};
 use crate::history::TimeAxis;
 use crate::panels::curves::CurvesPanel;
 use crate::panels::dialogs::{self, Dialog, Outcome, Purpose};
 use crate::panels::measurements::Measurements;
-use crate::panels::performance::Performance;
+use crate::panels::performance::{Performance, median};
 use crate::panels::{matrix, objects, simulation, transport};
 use crate::preferences::{CurvePreferences, Preferences, Theme};
 use crate::scene3d::{BodyPose, Scene3d};
 use crate::session::{Bars, Message, Session};
 use crate::start::Start;
 use crate::style::{self, panel_frame, section};
-use crate::{export, shortcuts, status};
+use crate::{plain_painter, shortcuts, status};
 use egui::{CentralPanel, Panel, ScrollArea, Ui};
 use egui_wgpu::RenderState;
 use std::path::{Path, PathBuf};
@@ -38,12 +40,18 @@ pub struct ViewerApp {
     pub measurements: Measurements,
     /// A recording to be opened once its scene is there.
     waiting_recording: Option<PathBuf>,
+    /// What is to be told once a scene is there, which takes messages about others away.
+    waiting_message: Option<String>,
     scene3d: Scene3d,
     performance: Performance,
     shown_theme: Option<Theme>,
     frame_began: Option<Instant>,
     moves: u64,
     computed_frames: (usize, Instant),
+    /// Counts frames while the scene plays, and closes the window then.
+    frame_rate: Option<FrameRate>,
+    adapter: String,
+    pictures: WindowPictures,
 }
 
 impl ViewerApp {
@@ -57,9 +65,12 @@ impl ViewerApp {
         start: Start,
         preferences: Preferences,
     ) -> std::io::Result<Self> {
+        if let Some(state) = render_state {
+            plain_painter::install(ctx, state);
+        }
         let wake = ctx.clone();
         let mut session = Session::new(start.document, start.path, move || wake.request_repaint())?;
-        session.message = start.message.map(Message::error);
+        session.message = start.message.as_ref().map(Message::error);
         Ok(Self {
             session,
             preferences,
@@ -67,13 +78,22 @@ impl ViewerApp {
             dialog: None,
             measurements: Measurements::default(),
             waiting_recording: start.recording,
+            waiting_message: start.message,
             scene3d: Scene3d::new(render_state),
             performance: Performance::default(),
             shown_theme: None,
             frame_began: None,
             moves: 0,
             computed_frames: (0, Instant::now()),
+            frame_rate: None,
+            adapter: render_state.map_or_else(String::new, |state| state.adapter.get_info().name),
+            pictures: WindowPictures::default(),
         })
+    }
+
+    /// Plays the scene as soon as it is there, measures frames of the window, and closes it. Nothing is remembered then.
+    pub fn measure(&mut self, frame_rate: FrameRate) {
+        self.frame_rate = Some(frame_rate);
     }
 
     /// What was remembered of the last start.
@@ -92,7 +112,8 @@ impl ViewerApp {
         }
         self.session.update(between);
         self.measurements.update(&self.session);
-        self.open_waiting_recording();
+        self.take_up_what_waits();
+        self.told_of_pictures();
         self.dropped_files(ui.ctx());
         if self.dialog.is_none() {
             shortcuts::apply(ui.ctx(), self);
@@ -330,7 +351,11 @@ impl ViewerApp {
                 let table = table.map_err(|error| error.to_string())?;
                 std::fs::write(path, table).map_err(|error| format!("{}: {error}", path.display()))?;
             }
-            Purpose::ExportPng => export::window_png(ctx, path.to_owned()),
+            // What became of it comes with a later frame.
+            Purpose::ExportPng => {
+                self.pictures.ask(ctx, path.to_owned());
+                return Ok(());
+            }
         }
         self.session.message = Some(Message::note(format!("written to {}", path.display())));
         Ok(())
@@ -344,15 +369,29 @@ impl ViewerApp {
         Ok(())
     }
 
-    /// The curves of a run are compared with its own scene, which must be there first.
-    fn open_waiting_recording(&mut self) {
+    /// The curves of a run are compared with its own scene, which must be there first; and what was wrong with another
+    /// scene is told beside the one that is shown in its place.
+    fn take_up_what_waits(&mut self) {
         if !self.session.is_open() {
             return;
+        }
+        if let Some(message) = self.waiting_message.take() {
+            self.session.message = Some(Message::error(message));
         }
         if let Some(path) = self.waiting_recording.take()
             && let Err(message) = self.measurements.open(&path, &self.session)
         {
             self.session.message = Some(Message::error(message));
+        }
+    }
+
+    /// Pictures of the window are written after the frame in which they were asked for.
+    fn told_of_pictures(&mut self) {
+        while let Some(written) = self.pictures.news() {
+            self.session.message = Some(match written {
+                Ok(path) => Message::note(format!("written to {}", path.display())),
+                Err(error) => Message::error(error),
+            });
         }
     }
 
@@ -383,6 +422,29 @@ impl ViewerApp {
         }
     }
 
+    /// Notes this frame if frames are counted. `before_s` is what the one before took without waiting, seconds.
+    fn measure_frame(&mut self, ctx: &egui::Context, before_s: Option<f32>) {
+        let (Some(rate), Some(began)) = (&mut self.frame_rate, self.frame_began) else { return };
+        let (Some(open), true) = (&self.session.open, self.session.last.is_some()) else { return };
+        self.session.transport.is_playing = self.session.transport.frames() > 1;
+        ctx.request_repaint();
+        let samples = self.session.history.session();
+        let shapes = self.performance.drawing();
+        if rate.note(WindowFrame { began, shapes, before_s }, samples.len()) {
+            let computed = rate.computed_since(samples.len());
+            rate.finish(Report {
+                adapter: self.adapter.clone(),
+                size: [ctx.viewport_rect().width(), ctx.viewport_rect().height()]
+                    .map(|side| (side * ctx.pixels_per_point()).round() as u32),
+                tets: open.mesh.tets,
+                computed,
+                computing: median(samples[samples.len() - computed..].iter().map(|s| s.milliseconds.total)),
+                ..Report::default()
+            });
+            ctx.send_viewport_cmd(egui::ViewportCommand::Close);
+        }
+    }
+
     /// Asks for the next frame of the window where there is something to come.
     fn keep_going(&mut self, ctx: &egui::Context) {
         let computed = self.session.history.session().len();
@@ -404,11 +466,14 @@ impl ViewerApp {
 }
 
 impl eframe::App for ViewerApp {
-    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         self.show(ui);
+        self.measure_frame(ui.ctx(), frame.info().cpu_usage);
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
-        eframe::set_value(storage, PREFERENCES, &self.preferences);
+        if self.frame_rate.is_none() {
+            eframe::set_value(storage, PREFERENCES, &self.preferences);
+        }
     }
 }

@@ -41,6 +41,16 @@ fn display() -> (Running, String) {
     (Running(xvfb), format!(":{}", number.trim()))
 }
 
+/// The program with a scene that lies in a folder.
+fn viewer(folder: &Path, display: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"));
+    command.arg(folder.join("scene.toml")).current_dir(folder).env("DISPLAY", display);
+    command.env_remove("WAYLAND_DISPLAY");
+    // What is remembered of other starts, and what this one leaves, stays out of it.
+    command.env("HOME", folder).env("XDG_DATA_HOME", folder.join("data"));
+    command
+}
+
 struct Desktop {
     display: String,
     window: String,
@@ -51,16 +61,7 @@ struct Desktop {
 impl Desktop {
     fn start(folder: &Path) -> Self {
         let (xvfb, display) = display();
-        let viewer = Command::new(env!("CARGO_BIN_EXE_capsense-viewer"))
-            .arg(folder.join("scene.toml"))
-            .current_dir(folder)
-            .env("DISPLAY", &display)
-            .env_remove("WAYLAND_DISPLAY")
-            // What is remembered of other starts, and what this one leaves, stays out of it.
-            .env("HOME", folder)
-            .env("XDG_DATA_HOME", folder.join("data"))
-            .spawn()
-            .unwrap();
+        let viewer = viewer(folder, &display).spawn().unwrap();
         let viewer = Running(viewer);
         let mut desktop = Self { display, window: String::new(), _viewer: viewer, _xvfb: xvfb };
         let begun = Instant::now();
@@ -173,4 +174,34 @@ fn an_object_moved_with_mouse_and_keyboard_changes_the_exported_curve() {
     std::thread::sleep(SLOW_FRAMES);
     let keyed = desktop.export(folder.path(), "keyed.csv");
     assert!(keyed > 1.001 * dragged, "the keyboard: {dragged:e} F, then {keyed:e} F");
+}
+
+#[test]
+fn a_window_that_is_measured_tells_its_frames_and_closes() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    let (_xvfb, display) = display();
+    let arguments = ["--measure-fps", "1", "--size", "800", "600"];
+    let output = viewer(folder.path(), &display).args(arguments).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<&str> = text.lines().collect();
+    assert!(lines[0].starts_with("800 x 600 pixels, "), "{text}");
+    let rate: f64 = lines[1].split(' ').next().unwrap().parse().unwrap();
+    assert!(rate > 0.0 && lines[1].contains("frames/s"), "{text}");
+    let rate: f64 = lines[3].split(' ').nth(2).unwrap().parse().unwrap();
+    assert!(rate > 0.0, "the scene plays: {text}");
+    let remembered = walk(&folder.path().join("data"));
+    assert!(!remembered.contains("panels"), "the next start is not as this one: {remembered}");
+}
+
+/// All text of files in a folder.
+fn walk(folder: &Path) -> String {
+    let Ok(entries) = std::fs::read_dir(folder) else { return String::new() };
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let text = |path: std::path::PathBuf| match path.is_dir() {
+        true => walk(&path),
+        false => std::fs::read_to_string(path).unwrap_or_default(),
+    };
+    paths.map(text).collect()
 }

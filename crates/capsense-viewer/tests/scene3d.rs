@@ -291,7 +291,7 @@ fn without_a_graphics_device_the_view_says_so() {
         assert!(!outcome.moved && selected.is_none());
     });
     harness.run();
-    harness.get_by_label_contains("3D view");
+    harness.get_by_label_contains("needs a graphics device");
 }
 
 #[test]

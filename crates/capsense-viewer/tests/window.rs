@@ -30,6 +30,7 @@ fn ready(text: &str) -> Harness<'static, ViewerApp> {
 fn press(harness: &mut Harness<'_, ViewerApp>, modifiers: Modifiers, key: Key) {
     harness.key_press_modifiers(modifiers, key);
     harness.run_steps(2);
+    harness.check_accessibility();
 }
 
 /// A file that is dropped on the window.
@@ -121,8 +122,8 @@ fn files_that_are_dropped_are_opened_or_told_of() {
     for (name, bytes, told) in [
         ("bad.toml", &b"[mesh\n"[..], "bad.toml:1"),
         ("bad.stl", b"solid nothing", "bad.stl"),
-        ("bad.csv", b"\xff\xfe\x00", "bad.csv"),
-        ("bad.mcap", b"no recording", "bad.mcap"),
+        ("bad.csv", b"a,b\n1,2\n", "bad.csv, line 1: no column is called time_s"),
+        ("bad.mcap", b"no recording", "bad.mcap: Bad magic number"),
         ("bad.exe", b"", "bad.exe"),
     ] {
         let path = folder.path().join(name);
@@ -136,6 +137,18 @@ fn files_that_are_dropped_are_opened_or_told_of() {
     }
     drop_file(&mut harness, &root.join("scenes/sphere_floating.toml"));
     until(&mut harness, |app| app.session.history.electrodes().len() == 3);
+}
+
+#[test]
+fn a_scene_that_cannot_be_read_at_the_start_is_told_of_beside_the_one_that_is_shown() {
+    let message = Start::from_path(Path::new("no/such.toml")).unwrap_err();
+    let start = Start { message: Some(message), ..start(SCENE) };
+    let mut harness = window(start, preferences(), SIZE);
+    settle(&mut harness);
+    harness.get_by_label_contains("no/such.toml: cannot read the scene");
+    harness.get_by_label("dismiss").click();
+    harness.run_steps(4);
+    assert!(harness.query_by_label_contains("no/such.toml").is_none(), "it is told once");
 }
 
 #[test]
@@ -161,6 +174,53 @@ fn curves_are_exported_to_the_path_that_is_given() {
     harness.get_by_label_contains("no/such/folder/x.csv:");
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(harness.query_by_label("Export the curves as CSV").is_none());
+}
+
+#[test]
+fn pictures_of_the_window_are_written_and_failures_told_in_it() {
+    let mut harness = ready(SCENE);
+    let folder = tempfile::tempdir().unwrap();
+    let (good, bad) = (folder.path().join("window.png"), folder.path().join("no/such/folder.png"));
+    for (path, told, severity) in
+        [(&good, "written to", Severity::Note), (&bad, "no/such/folder.png:", Severity::Error)]
+    {
+        press(&mut harness, Modifiers::COMMAND, Key::P);
+        press(&mut harness, Modifiers::COMMAND, Key::A);
+        harness.event(Event::Text(path.display().to_string()));
+        harness.run_steps(2);
+        press(&mut harness, Modifiers::NONE, Key::Enter);
+        until(&mut harness, |app| app.session.message.as_ref().is_some_and(|m| m.severity == severity));
+        harness.get_by_label_contains(told);
+    }
+    assert_eq!(image::open(&good).unwrap().to_rgba8().dimensions(), (1200, 800));
+    assert!(!bad.exists());
+}
+
+/// With all that can be unfolded on the screen: who cannot see the window is told what each widget is.
+#[test]
+fn every_widget_has_a_name() {
+    let converters =
+        "[measurement]\nchannels = [[\"E2\", \"E1\"]]\nconverter = { step = 1e-15, bits = 16 }\n";
+    let mut harness = window(start(&format!("{SCENE}{converters}")), preferences(), [1200.0, 3000.0]);
+    settle(&mut harness);
+    for label in ["bar", "Mesh", "live"] {
+        harness.get_by_label(label).click();
+        harness.run_steps(2);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let curves = folder.path().join("curves.csv");
+    let table = harness.state().session.history.to_csv(TimeAxis::Scene).unwrap();
+    std::fs::write(&curves, table).unwrap();
+    drop_file(&mut harness, &curves);
+    harness.check_accessibility();
+    for (menu, entry) in [("File", "Undo"), ("View", "Light")] {
+        harness.get_by_label(menu).click();
+        harness.run_steps(4);
+        assert!(harness.query_by_label_contains(entry).is_some(), "{menu} opens");
+        harness.check_accessibility();
+        harness.get_by_label(menu).click();
+        harness.run_steps(4);
+    }
 }
 
 #[test]
@@ -258,6 +318,20 @@ fn pictures_need_no_display() {
     let message = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("frames 0 to 20"), "{message}");
+}
+
+/// A size is for pictures and for windows that are measured; frames of a picture are not counted.
+#[test]
+fn arguments_that_do_not_go_together_are_refused() {
+    for arguments in [
+        &["--size", "800", "600"][..],
+        &["--measure-fps", "2", "--screenshot", "picture.png"],
+        &["--measure-fps", "0"],
+        &["--measure-fps", "2", "--frame", "3"],
+    ] {
+        let output = viewer().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+    }
 }
 
 #[test]

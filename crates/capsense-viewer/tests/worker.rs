@@ -78,7 +78,8 @@ fn the_latest_request_wins_and_the_last_is_always_computed() {
 fn a_long_run_gives_way_to_a_newer_request() {
     let worker = worker();
     worker.load(1, text(SCENE));
-    worker.compute(frames(1, 0..1_000_000));
+    let many = 1_000_000;
+    worker.compute(frames(1, 0..many));
     let begun = Instant::now();
     let mut seen = Vec::new();
     while indices(&seen).len() < 3 {
@@ -89,6 +90,7 @@ fn a_long_run_gives_way_to_a_newer_request() {
     worker.compute(frames(1, 7..8));
     let rest = indices(&settle(&worker));
     assert_eq!(rest.last(), Some(&7));
+    assert!(!rest.contains(&(many - 1)), "the long run went on to its end");
 }
 
 #[test]

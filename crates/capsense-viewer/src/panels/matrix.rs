@@ -5,10 +5,15 @@ use crate::quantity::Quantity;
 use crate::session::{Bars, Session};
 use crate::style::faint;
 use capsense::core::capacitance::CapacitanceMatrix;
-use egui::{Align2, Color32, CornerRadius, FontId, RichText, Ui, Vec2, pos2};
+use egui::text::{LayoutJob, TextWrapping};
+use egui::{Align2, Color32, CornerRadius, FontId, Galley, RichText, Ui, Vec2, pos2};
+use std::sync::Arc;
 
 /// Cells are not lower than this, so that a number and its bar are legible.
 const LOWEST: f32 = 34.0;
+
+/// Of the room for names of rows.
+const WIDEST_HEAD: f32 = 64.0;
 
 /// Draws the matrix.
 pub fn ui(ui: &mut Ui, session: &mut Session, preferences: &CurvePreferences, bars_at_rest: &mut bool) {
@@ -51,25 +56,29 @@ fn cells(
     heading: &str,
 ) {
     let size = values.size();
-    let head = 30.0;
+    let ink = faint(ui);
+    let name = |index: usize| electrodes.get(index).map_or("", String::as_str);
+    let widest =
+        (0..size).map(|index| shortened(ui, name(index), f32::INFINITY).size().x).fold(0.0, f32::max);
+    let head = (widest + 10.0).clamp(30.0, WIDEST_HEAD);
     let width = ((ui.available_width() - head) / size as f32).max(26.0);
     let height = (0.55 * width).clamp(LOWEST, 52.0);
     let area = Vec2::new(head + width * size as f32, 20.0 + height * size as f32);
     let (rect, response) = ui.allocate_exact_size(area, egui::Sense::hover());
     let largest = values.rows().flatten().fold(0.0, |most: f64, value| most.max(value.abs()));
     let painter = ui.painter_at(rect);
-    let ink = faint(ui);
     painter.text(rect.left_top(), Align2::LEFT_TOP, heading, FontId::proportional(10.0), ink);
     let per = preferences.unit.per_farad();
     let mut pointed = None;
     for row in 0..size {
         let top = rect.top() + 20.0 + height * row as f32;
         let left = rect.left() + head;
-        let name = |index: usize| electrodes.get(index).map_or("", String::as_str);
-        let side = pos2(left - 6.0, top + 0.5 * height);
-        painter.text(side, Align2::RIGHT_CENTER, name(row), FontId::proportional(11.0), ink);
-        let above = pos2(left + width * (row as f32 + 0.5), rect.top() + 18.0);
-        painter.text(above, Align2::CENTER_BOTTOM, name(row), FontId::proportional(11.0), ink);
+        let side = shortened(ui, name(row), head - 8.0);
+        let at = Align2::RIGHT_CENTER.anchor_size(pos2(left - 6.0, top + 0.5 * height), side.size());
+        painter.galley(at.min, side, ink);
+        let above = shortened(ui, name(row), width - 2.0);
+        let at = pos2(left + width * (row as f32 + 0.5), rect.top() + 18.0);
+        painter.galley(Align2::CENTER_BOTTOM.anchor_size(at, above.size()).min, above, ink);
         for column in 0..size {
             let value = values.get(row, column);
             let corner = pos2(left + width * column as f32, top);
@@ -143,6 +152,13 @@ fn number(value: f64, width: f32) -> String {
         .map(|decimals| format!("{value:.decimals$}"))
         .find(|text| text.len() <= digits)
         .unwrap_or_else(|| format!("{value:.0}"))
+}
+
+/// A name on one line, no wider than this; what is too much of it ends in dots.
+fn shortened(ui: &Ui, name: &str, width: f32) -> Arc<Galley> {
+    let mut job = LayoutJob::simple_singleline(name.to_owned(), FontId::proportional(11.0), faint(ui));
+    job.wrap = TextWrapping::truncate_at_width(width);
+    ui.painter().layout_job(job)
 }
 
 /// Two digits that count.

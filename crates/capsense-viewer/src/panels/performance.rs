@@ -40,9 +40,9 @@ impl Performance {
         }
     }
 
-    /// Milliseconds of the last frame of the window.
-    pub fn drawing_ms(&self) -> f64 {
-        f64::from(self.drawing.back().copied().unwrap_or(0.0)) * 1e3
+    /// What the last frame of the window took.
+    pub fn drawing(&self) -> Duration {
+        Duration::from_secs_f32(self.drawing.back().copied().unwrap_or(0.0))
     }
 
     /// Frames of the window in the last second before its last frame.
@@ -142,7 +142,7 @@ fn nice(value: f64) -> f64 {
     text.parse().unwrap_or(value)
 }
 
-fn median(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
@@ -165,6 +165,6 @@ mod tests {
             performance.note(begun + Duration::from_millis(20 * frame), Duration::from_millis(4));
         }
         assert_eq!(performance.frames_per_second(), 51, "both ends of a second count");
-        assert!((performance.drawing_ms() - 4.0).abs() < 1e-3);
+        assert!((performance.drawing().as_secs_f64() - 4e-3).abs() < 1e-6);
     }
 }

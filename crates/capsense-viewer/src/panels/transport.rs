@@ -8,6 +8,9 @@ use egui::{RichText, Slider, Ui};
 /// From this width on there is room for the number of the frame.
 const WIDE: f32 = 420.0;
 
+/// Below this width there is no time either.
+const CRAMPED: f32 = 130.0;
+
 /// Below this width there is no slider.
 const NARROW: f32 = 60.0;
 
@@ -47,6 +50,9 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
                 session.run(0..frames);
             }
             let transport = &mut session.transport;
+            if ui.available_width() < CRAMPED {
+                return;
+            }
             let mut text = format!("{:>7.3} / {:.3} s", transport.time_s(), transport.end_s());
             if ui.available_width() > WIDE {
                 text += &format!("   frame {} of {frames}", transport.frame());

@@ -42,6 +42,9 @@ use theme::Theme;
 /// Samples of a pixel where a graphics processor draws. A software driver would take several times as long.
 const SAMPLES: u32 = 4;
 
+/// What is said in place of the picture.
+const NO_DEVICE: &str = "needs a graphics device";
+
 /// What became of the scene while it was shown.
 #[derive(Clone, Debug, Default)]
 pub struct SceneResponse {
@@ -123,7 +126,10 @@ impl Scene3d {
         selected: &mut Option<usize>,
     ) -> SceneResponse {
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-        let info = format!("3D view, {} elements", frame.scene.tets.len());
+        let info = match self.can_draw {
+            true => format!("3D view, {} elements", frame.scene.tets.len()),
+            false => format!("3D view: {NO_DEVICE}"),
+        };
         response.widget_info(|| egui::WidgetInfo::labeled(Role::Image, true, &info));
         self.follow_scene(frame, bodies, rect);
         *selected = selected.filter(|&body| body < bodies.len().min(frame.scene.bodies.len()));
@@ -251,7 +257,7 @@ impl Scene3d {
         let (rect, theme) = (response.rect, Theme::of(ui.visuals()));
         let (sight, painter) = (self.sight(rect), ui.painter_at(rect));
         if !self.can_draw {
-            let text = "The 3D view needs a graphics device.";
+            let text = format!("The 3D view {NO_DEVICE}.");
             let font = egui::TextStyle::Body.resolve(ui.style());
             painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, theme.text);
             return;

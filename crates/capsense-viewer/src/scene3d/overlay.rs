@@ -14,6 +14,7 @@ use glam::DVec3;
 
 /// From the sides of the picture, in points.
 const MARGIN: f32 = 14.0;
+const NAME: FontId = FontId::proportional(12.0);
 const SMALL: FontId = FontId::proportional(11.5);
 /// Longest scale bar, in points.
 const LONGEST_BAR: f64 = 150.0;
@@ -139,14 +140,20 @@ pub(super) fn names(painter: &Painter, sight: &Sight, frame: &Frame3d, theme: &T
         let end = if count > 0 { sum / f64::from(count) } else { mean };
         if let (Some(end), Some(middle)) = (sight.project(end), sight.project(mean)) {
             let place = end + (end - middle).normalized() * 12.0;
-            shadowed(painter, place, &electrode.name, palette(index), theme);
+            let name = &electrode.name;
+            let half = 0.5 * painter.layout_no_wrap(name.clone(), NAME, theme.text).size();
+            let room = sight.rect.shrink2(half);
+            // Of an electrode that is seen, all of its name is.
+            let is_seen = room.is_positive() && sight.rect.contains(end);
+            let place = if is_seen { place.clamp(room.min, room.max) } else { place };
+            shadowed(painter, place, name, palette(index), theme);
         }
     }
 }
 
 /// Text that can be read on any ground.
 fn shadowed(painter: &Painter, at: Pos2, text: &str, colour: Color32, theme: &Theme) {
-    let font = FontId::proportional(12.0);
+    let font = NAME;
     for off in [Vec2::new(-1.0, 0.0), Vec2::new(1.0, 0.0), Vec2::new(0.0, -1.0), Vec2::new(0.0, 1.0)] {
         painter.text(
             at + off,

@@ -172,6 +172,19 @@ mod tests {
             let size = scene.domain.size();
             let whole = size[(plane.axis + 1) % 3] * size[(plane.axis + 2) % 3];
             assert!((covered / whole - 1.0).abs() < 1e-6, "{plane:?}: {covered} {whole}");
+            // Nothing lies over anything else.
+            for k in 1..40 {
+                let parts = [0.618_034, 0.754_878, 0.569_84].map(|step| (f64::from(k) * step).fract());
+                let mut place = scene.domain.min + scene.domain.size() * DVec3::from(parts);
+                place[plane.axis] = plane.position;
+                let holds = |[a, b, c]: &&[DVec3; 3]| {
+                    let sides = [[a, b], [b, c], [c, a]];
+                    let turns = sides.map(|[from, to]| (to - from).cross(place - from)[plane.axis]);
+                    turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0)
+                };
+                let count = slice.positions().as_chunks::<3>().0.iter().filter(holds).count();
+                assert_eq!(count, 1, "{plane:?} at {place}");
+            }
         }
         let outside = Plane { axis: 0, position: 7.0 };
         assert!(Slice::new(&scene, outside).positions().is_empty());
