@@ -11,6 +11,7 @@ use super::charges::{NodeCharges, Place};
 use super::layout::{Coloured, Layout};
 use super::level::Level;
 use super::parts::{Part, cut_both, cut_planes};
+use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
 use super::rows::subtract;
 use super::sums::{Nodes, products, total};
@@ -19,6 +20,13 @@ use std::ops::Range;
 
 /// A change that lowers no energy by more than this part of it is not worth its product.
 const LEAST_GAIN: f64 = 1e-7;
+
+/// Going ahead must have gained this part of what there was to gain, lately, for another change to be followed; or so many
+/// have not been. What the last frame showed has this weight. Where bodies are seen to move by jumps from pixel to pixel it
+/// gains a twentieth, and a step that is followed costs a quarter more.
+const WORTHWHILE: f64 = 0.25;
+const LOOK_AFTER: u32 = 6;
+const FADING: f64 = 0.5;
 
 /// The fields must not be led further than this times their last change.
 const FURTHEST: f64 = 8.0;
@@ -37,9 +45,14 @@ pub(super) struct Increment {
     residual: Vec<f64>,
     /// Whether the fields have taken a step since they were ahead; how far they were, for the next step to catch up with,
     /// and what d is multiplied with before the step is added to it.
-    has_moved: bool,
+    pub(super) has_moved: bool,
     lead: Vec<f32>,
     kept: Vec<f32>,
+    /// What going ahead has gained lately, as a part of what there was to gain; whether the steps under way are followed, and
+    /// how many solves before were not.
+    worth: f64,
+    follows: bool,
+    without: u32,
     /// Room for one node.
     pub(super) node: NodeCharges,
 }
@@ -135,17 +148,21 @@ impl Increment {
             has_moved: false,
             lead: vec![0.0; columns],
             kept: vec![0.0; columns],
+            worth: 1.0,
+            follows: false,
+            without: 0,
             node: NodeCharges::new(columns),
         }
     }
 
-    /// What threads that share the planes let follow a step.
+    /// What threads that share the planes let follow a step; nothing where it is not to.
     pub(super) fn follow<'a>(
         &'a mut self,
         parts: &'a [Part],
         charges: &'a mut Coloured<f32>,
     ) -> impl Iterator<Item = Following<'a>> {
-        let Self { fields, sums_of_planes, lead, kept, .. } = self;
+        let Self { fields, sums_of_planes, lead, kept, follows, .. } = self;
+        let parts = if *follows { parts } else { &[] };
         let (lead, kept) = (&**lead, &**kept);
         let vectors = cut_both(parts, fields).zip(cut_both(parts, charges));
         vectors.zip(cut_planes(parts, sums_of_planes)).map(move |((fields, charges), sums)| Following {
@@ -155,6 +172,26 @@ impl Increment {
             charges,
             sums,
         })
+    }
+
+    /// Learns whether going ahead is worth it: from what it gained as a part of what there was to gain, `gains` being what a
+    /// cycle tells of the rest, all pairs of columns.
+    pub(super) fn note_gains(&mut self, gains: &[f64]) {
+        if self.has_moved || !self.is_known {
+            return;
+        }
+        let own = |of: &[f64]| of.iter().step_by(self.sums.columns + 1).sum::<f64>();
+        let (ahead, left) = (-own(&self.energies), own(gains));
+        if ahead + left > 0.0 && left.is_finite() {
+            self.worth += FADING * (ahead / (ahead + left) - self.worth);
+        }
+    }
+
+    /// Whether it is to follow the step that comes: where it was of no use, only now and then.
+    fn is_to_follow(&mut self) -> bool {
+        let follows = self.worth >= WORTHWHILE || self.without >= LOOK_AFTER;
+        self.without = if follows { 0 } else { self.without + 1 };
+        follows
     }
 
     /// The state's energies were computed anew, without it.
@@ -178,10 +215,13 @@ impl LatticeSolver {
         let Self { increment, state, hierarchy, .. } = self;
         let Increment { sums, energies, residual, .. } = increment;
         let lengths = &mut hierarchy.levels[0].ahead;
+        if !can || !sums.all().all(|sum| sum.is_finite()) {
+            sums.clear();
+        }
         for (column, length) in lengths.iter_mut().enumerate() {
             let own = column * columns + column;
             let stands = state.energies[own] - energies[own];
-            *length = if can { sums.length(column, stands) as f32 } else { 0.0 };
+            *length = sums.length(column, stands) as f32;
         }
         for t in 0..columns {
             for s in 0..=t {
@@ -198,18 +238,32 @@ impl LatticeSolver {
 
     /// Before a step: residuals become those of where the fields are ahead; the step takes the fields there on its way.
     pub(super) fn catch_up(&mut self) {
-        let Self { increment, hierarchy, parts, workers, layout, .. } = self;
-        let Increment { has_moved, lead, kept, energies, residual, is_known, .. } = increment;
+        let Self { increment, hierarchy, parts, potentials, workers, layout, .. } = self;
+        if !increment.has_moved {
+            increment.follows = matches!(potentials, Potentials::Single { .. }) && increment.is_to_follow();
+        }
+        let Increment { fields, has_moved, lead, kept, energies, residual, is_known, follows, .. } =
+            increment;
         if std::mem::replace(has_moved, true) {
             lead.fill(0.0);
             kept.fill(1.0);
             return;
         }
         let Level { b, charges, ahead, .. } = &mut hierarchy.levels[0];
-        if ahead.iter().any(|length| *length != 0.0) {
-            let (charges, lengths) = (&*charges, &**ahead);
-            let tasks = parts.slabs.iter().zip(cut_both(&parts.slabs, b));
-            workers.for_each(tasks, |(part, b)| subtract_planes(part, layout, b, lengths, charges));
+        let is_ahead = ahead.iter().any(|length| *length != 0.0);
+        let move_ahead = |vectors: &mut Coloured<f32>, along: &Coloured<f32>, sign: f32| {
+            let (slabs, lengths) = (&parts.slabs, &**ahead);
+            let tasks = slabs.iter().zip(cut_both(slabs, vectors));
+            workers.for_each(tasks, |(part, to)| add_planes(part, layout, to, (lengths, sign), along));
+        };
+        if is_ahead {
+            move_ahead(b, charges, -1.0);
+        }
+        if let Potentials::Single { x, .. } = potentials
+            && is_ahead
+            && !*follows
+        {
+            move_ahead(x, fields, 1.0);
         }
         lead.copy_from_slice(ahead);
         kept.copy_from_slice(ahead);
@@ -221,6 +275,9 @@ impl LatticeSolver {
 
     /// Takes the sums of planes, after a step.
     pub(super) fn add_up_increment(&mut self) {
+        if !self.increment.follows {
+            return;
+        }
         let Increment { sums, sums_of_planes, is_known, .. } = &mut self.increment;
         sums.clear();
         sums_of_planes[self.layout.planes()].iter_mut().for_each(|plane| sums.add(plane));
@@ -236,20 +293,20 @@ impl LatticeSolver {
     }
 }
 
-/// b -= c q in the planes of a part.
-fn subtract_planes(
+/// v += ±c u in the planes of a part, c another in each column.
+fn add_planes(
     part: &Part,
     layout: &Layout,
-    b: [&mut [f32]; 2],
-    lengths: &[f32],
-    charges: &Coloured<f32>,
+    to: [&mut [f32]; 2],
+    (lengths, sign): (&[f32], f32),
+    along: &Coloured<f32>,
 ) {
-    for (b, charges) in b.into_iter().zip(charges) {
+    for (to, along) in to.into_iter().zip(along) {
         for k in part.steps(1) {
             for (column, &length) in lengths.iter().enumerate() {
                 let at = layout.plane_of(column, k);
-                let pairs = b[part.within(&at)].iter_mut().zip(&charges[at]);
-                pairs.for_each(|(b, q)| *b -= length * *q);
+                let pairs = to[part.within(&at)].iter_mut().zip(&along[at]);
+                pairs.for_each(|(to, along)| *to += sign * length * *along);
             }
         }
     }

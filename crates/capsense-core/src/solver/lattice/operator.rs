@@ -28,6 +28,7 @@ impl Operator for LatticeSolver {
         self.gains.fill(0.0);
         self.hierarchy.descend(&self.workers, self.arch, &self.active, &mut self.gains);
         self.add_gains_of_islands();
+        self.increment.note_gains(&self.gains);
         for t in 0..self.columns {
             for s in 0..t {
                 self.gains[t * self.columns + s] = self.gains[s * self.columns + t];

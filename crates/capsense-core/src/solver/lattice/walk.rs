@@ -41,7 +41,7 @@ impl LatticeSolver {
             }
         }
         self.add_states();
-        if is_step && self.is_single() {
+        if is_step {
             self.add_up_increment();
         }
     }
@@ -63,10 +63,10 @@ impl LatticeSolver {
         let mut charges = std::mem::take(&mut finest.charges);
         for (phase, parts) in self.parts.phases().into_iter().enumerate() {
             let states = cut_planes(parts, &mut self.state_of_planes);
-            let increment = self.increment.follow(parts, &mut charges);
-            let of_movement = cut_both(parts, x).zip(states).zip(&mut *sums).zip(increment);
+            let mut following = self.increment.follow(parts, &mut charges);
+            let of_movement = cut_both(parts, x).zip(states).zip(&mut *sums);
             let slabs = finest.slabs(phase, active).zip(of_movement);
-            let slabs = slabs.map(|(slab, (((x, states), sums), increment))| {
+            let slabs = slabs.map(|(slab, ((x, states), sums))| {
                 let equations = Equations {
                     network: Leaking { stencil: slab.stencil, leak },
                     of_nodes: self.of_nodes,
@@ -75,7 +75,7 @@ impl LatticeSolver {
                     links: &self.links,
                 };
                 let part = slab.part;
-                let increment = Some(increment);
+                let increment = following.next();
                 (slab, Movement { part, equations, scale: &self.scale, x, increment, states, sums })
             });
             transfer.prolong_before(&self.workers, self.arch, slabs, coarse);
