@@ -24,9 +24,9 @@ const LEAST_GAIN: f64 = 1e-7;
 /// Going ahead must have gained this part of what there was to gain, lately, for another change to be followed; or so many
 /// have not been. What the last frame showed has this weight. Where bodies are seen to move by jumps from pixel to pixel it
 /// gains a twentieth, and a step that is followed costs a quarter more.
-const WORTHWHILE: f64 = 0.25;
+const WORTHWHILE: f64 = 0.2;
 const LOOK_AFTER: u32 = 6;
-const FADING: f64 = 0.5;
+const FADING: f64 = 0.3;
 
 /// The fields must not be led further than this times their last change.
 const FURTHEST: f64 = 8.0;
