@@ -13,7 +13,8 @@ use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use capsense_core::stiffness::EdgeNetwork;
 use common::{
-    DOMAIN, EXACT, bar, both, depth_of_boxes, rectangle, relative_error, stripes_sensor, without_lattice,
+    DOMAIN, EXACT, bar, both, depth_of_boxes, rectangle, relative_error, stripes_sensor, three_stripes,
+    without_lattice,
 };
 
 fn materials() -> Vec<Material> {
@@ -260,6 +261,31 @@ fn capacitances_are_known_before_fields_move() {
             foreseen.len()
         );
     }
+}
+
+/// A body that moves steadily leads the fields on: 50 of 90 frames need no step, where fields are not led 30.
+#[test]
+fn a_steady_motion_is_followed_without_steps() {
+    let options = SolverOptions { tolerance: 1e-4, ..SolverOptions::default() };
+    let materials = vec![Material::Conductor(Connection::Grounded)];
+    let design = three_stripes();
+    let sensor = Sensor::on_lattice(&design, &design.lattice(25_000).unwrap()).unwrap();
+    let mut truth = Simulator::new(sensor.clone(), materials.clone(), EXACT).unwrap();
+    let mut simulator = Simulator::new(sensor, materials, options).unwrap();
+    let (mut without, mut errors) = (0, Vec::new());
+    for frame in 0..90 {
+        let depth = depth_of_boxes([80, 80], &[bar(0.11 - 1e-3 * f64::from(frame), 0.0)]);
+        let report = simulator.step(&depth).unwrap().solve;
+        let _ = truth.step(&depth).unwrap();
+        without += usize::from(report.iterations == 0);
+        errors.push(error(&simulator, &truth));
+    }
+    let above = errors.iter().filter(|error| **error > options.tolerance).count();
+    let worst = errors.iter().copied().fold(0.0, f64::max);
+    assert!(
+        without > 40 && above <= 1 && worst <= 3.0 * options.tolerance,
+        "{without} frames; {above} above, {worst:e}"
+    );
 }
 
 /// The change that an object makes is known to the tolerance asked for, however small it is.

@@ -17,6 +17,10 @@ pub(super) trait Operator {
     /// r = -K x, recomputed everywhere, and with it [`Operator::state`].
     fn evaluate(&mut self);
 
+    /// Takes the fields for where a steady motion leads them, if they are known to be in one, and [`Operator::state`] with
+    /// them; they need not be moved for that.
+    fn go_ahead(&mut self) {}
+
     /// RᵀMR of the active columns, row by row, all pairs.
     fn descend(&mut self, active: &[bool]);
 

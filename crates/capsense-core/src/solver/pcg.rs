@@ -68,6 +68,7 @@ impl ConjugateGradients {
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
         self.start();
+        fields.go_ahead();
         demand.update(&fields.state().energies);
         let mut iterations = 0;
         while self.active.contains(&true) {

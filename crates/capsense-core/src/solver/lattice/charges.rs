@@ -5,6 +5,7 @@ use super::level::Level;
 use super::links::ObjectLinks;
 use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
+use super::stencil::Stencil;
 
 /// Where a node is in numbers that are there once for each node, and in the first column of vectors.
 #[derive(Clone, Copy)]
@@ -40,22 +41,26 @@ impl NodeCharges {
         let layout = &finest.layout;
         match potentials {
             Potentials::Single { x, leak, .. } => {
-                self.look_in(Leaking { stencil: &finest.stencil, leak }, x, layout, links, node);
+                let network = Leaking { stencil: &finest.stencil, leak };
+                self.look_in(network, x, layout, node, links.seen_from::<Leaking<'_>>(layout.columns, node));
             }
-            Potentials::Double { x, stencil, .. } => self.look_in(&**stencil, x, layout, links, node),
+            Potentials::Double { x, stencil, .. } => {
+                let linked = links.seen_from::<&Stencil<f64>>(layout.columns, node);
+                self.look_in(&**stencil, x, layout, node, linked);
+            }
         }
     }
 
-    fn look_in<K: Network>(
+    /// The same in any fields; `linked` gives the charge in a column with what links to objects take from it.
+    pub(super) fn look_in<K: Network>(
         &mut self,
         network: K,
         x: &Coloured<K::Value>,
         layout: &Layout,
-        links: &ObjectLinks,
         Place { colour, at, first }: Place,
+        linked: impl Fn(usize, K::Value) -> K::Value,
     ) {
         let row = network.row(colour, at);
-        let links_of_node = links.between(colour, &(at..at + 1));
         let around = layout.around(colour, first);
         let (own, other) = (&x[colour], &x[1 - colour]);
         for (column, (potential, to)) in self.potentials.iter_mut().zip(&mut self.charges).enumerate() {
@@ -69,11 +74,7 @@ impl NodeCharges {
                 other[e + shift],
                 other[f + shift],
             ];
-            let mut charge = K::charge(&row, own[first + shift], around);
-            for link in links_of_node {
-                let at_object = links.potentials[link.object * layout.columns + column];
-                charge = K::linked(charge, link.weight, at_object);
-            }
+            let charge = linked(column, K::charge(&row, own[first + shift], around));
             (*potential, *to) = (own[first + shift].into(), charge.into());
         }
     }

@@ -6,7 +6,7 @@
 
 use super::layout::{BLACK, BLOCK, Layout, RED};
 use super::level::Level;
-use super::rows::multiply;
+use super::rows::{multiply, subtract_multiple};
 use super::sums::{PIECE, products, total};
 use pulp::Simd;
 use std::ops::Range;
@@ -31,6 +31,8 @@ pub(super) struct Descent {
     red: [Vec<f32>; KEPT],
     black: [Vec<f32>; KEPT],
     residual: [Vec<f32>; KEPT],
+    /// Room for a plane of the right-hand side.
+    b: Vec<f32>,
     /// The first plane that got a residual, and the next that gets one.
     first: usize,
     next: usize,
@@ -61,7 +63,8 @@ impl Descent {
             diagonal: vec![0.0; PIECE],
             charges: vec![0.0; PIECE],
         };
-        Self { layout: *layout, padding, zeros, red, black, residual, first: 0, next: 0, gains }
+        let b = vec![0.0; layout.plane];
+        Self { layout: *layout, padding, zeros, red, black, residual, b, first: 0, next: 0, gains }
     }
 
     /// Zeros everywhere, after numbers that were not finite.
@@ -134,11 +137,8 @@ impl Descent {
         let stencil = level.stencil.piece(RED, level.stencil.layout.plane(k));
         for &column in active {
             let places = self.places(RED, column, k);
-            stencil.scale(
-                simd,
-                &mut self.red[k % KEPT][places],
-                &level.b[RED][self.layout.plane_of(column, k)],
-            );
+            let b = right_hand_side(simd, level, [RED, column, k], &mut self.b);
+            stencil.scale(simd, &mut self.red[k % KEPT][places], b);
         }
     }
 
@@ -151,7 +151,7 @@ impl Descent {
         let stencil = level.stencil.piece(BLACK, level.stencil.layout.plane(k));
         for &column in active {
             let places = self.places(BLACK, column, k);
-            let b = &level.b[BLACK][self.layout.plane_of(column, k)];
+            let b = right_hand_side(simd, level, [BLACK, column, k], &mut self.b);
             let around = around(&self.layout, &self.red, &self.zeros, (BLACK + k) % 2, &places, k);
             stencil.relax(simd, &mut self.black[k % KEPT][places], b, around);
         }
@@ -201,6 +201,24 @@ impl Descent {
             }
         }
     }
+}
+
+/// The right-hand side at the nodes of one colour of plane k in one column, if need be in `room`.
+#[inline(always)]
+fn right_hand_side<'a, S: Simd>(
+    simd: S,
+    level: &'a Level,
+    [colour, column, k]: [usize; 3],
+    room: &'a mut [f32],
+) -> &'a [f32] {
+    let at = level.layout.plane_of(column, k);
+    let (b, length) = (&level.b[colour][at.clone()], level.ahead[column]);
+    if length == 0.0 {
+        return b;
+    }
+    let room = &mut room[..b.len()];
+    subtract_multiple(simd, room, b, length, &level.charges[colour][at]);
+    room
 }
 
 /// Number of a pair s <= t of columns.

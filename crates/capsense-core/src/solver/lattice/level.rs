@@ -18,6 +18,9 @@ pub(super) struct Level {
     /// Right-hand side and correction.
     pub(super) b: Coloured<f32>,
     pub(super) x: Coloured<f32>,
+    /// What the right-hand side is less by in each column: so many times these charges. Only the finest level has any.
+    pub(super) ahead: Vec<f32>,
+    pub(super) charges: Coloured<f32>,
     /// Room for a row of the network.
     inverse: Vec<f32>,
 }
@@ -43,6 +46,8 @@ impl Level {
             parts: Parts::new(&layout, Parts::worthwhile(&layout, threads)),
             b: layout.zeros(),
             x: layout.zeros(),
+            ahead: vec![0.0; columns],
+            charges: Coloured::default(),
             inverse: vec![0.0; layout.counts[0].next_multiple_of(BLOCK)],
         }
     }

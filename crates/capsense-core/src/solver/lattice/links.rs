@@ -1,6 +1,8 @@
 //! Links between nodes and objects.
 
+use super::charges::Place;
 use super::layout::{BLACK, Layout, RED};
+use super::precision::Network;
 use crate::stiffness::StiffnessMatrix;
 use std::ops::Range;
 
@@ -54,6 +56,20 @@ impl ObjectLinks {
 
     pub(super) fn all(&self) -> &[ObjectLink] {
         &self.links
+    }
+
+    /// What those of a node take from its charge in a column.
+    pub(super) fn seen_from<K: Network>(
+        &self,
+        columns: usize,
+        Place { colour, at, .. }: Place,
+    ) -> impl Fn(usize, K::Value) -> K::Value {
+        let links = self.between(colour, &(at..at + 1));
+        move |column, charge| {
+            links.iter().fold(charge, |charge, link| {
+                K::linked(charge, link.weight, self.potentials[link.object * columns + column])
+            })
+        }
     }
 
     /// Those of nodes of one colour at some places.

@@ -9,6 +9,7 @@ mod collection;
 mod descent;
 mod held;
 mod hierarchy;
+mod increment;
 mod layout;
 mod level;
 mod links;
@@ -40,6 +41,7 @@ use charges::NodeCharges;
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
 pub(super) use hierarchy::coarsenings;
+use increment::Increment;
 use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;
@@ -63,6 +65,7 @@ pub(crate) struct LatticeSolver {
     /// The last step but for a factor, which each column has its own.
     p: Coloured<f32>,
     scale: Vec<f64>,
+    increment: Increment,
     /// Its finest level holds r and z.
     hierarchy: Hierarchy,
     /// Whether networks may hold what is no number, and are to be computed everywhere.
@@ -103,7 +106,8 @@ impl LatticeSolver {
         let counts = lattice.node_counts();
         let of_nodes = Layout::new(counts, fixed_margin(counts, fixed));
         let layout = of_nodes.with_columns(columns);
-        let hierarchy = Hierarchy::new(lattice, of_nodes, columns, workers.threads());
+        let mut hierarchy = Hierarchy::new(lattice, of_nodes, columns, workers.threads());
+        hierarchy.levels[0].charges = layout.zeros();
         let parts = hierarchy.levels[0].parts.clone();
         Self {
             columns,
@@ -113,6 +117,7 @@ impl LatticeSolver {
             links: ObjectLinks::new(objects, columns),
             p: layout.zeros(),
             scale: vec![0.0; columns],
+            increment: Increment::new(&layout),
             hierarchy,
             networks_are_lost: false,
             islands: Islands::default(),
@@ -142,7 +147,8 @@ impl LatticeSolver {
             Some(object) => self.links.potentials[object * self.columns + column],
             None => {
                 let (colour, at) = self.place(column, row);
-                self.potentials.get(colour, at)
+                let ahead = f64::from(self.hierarchy.levels[0].ahead[column]);
+                self.potentials.get(colour, at) + ahead * f64::from(self.increment.fields[colour][at])
             }
         }
     }
@@ -156,6 +162,16 @@ impl LatticeSolver {
                 let (colour, at) = self.place(column, row);
                 let before = self.potentials.get(colour, at);
                 self.potentials.set(colour, at, potential);
+                let (layout, finest) = (self.layout, &self.hierarchy.levels[0]);
+                let first = layout.place(layout.indices(row)).1;
+                let d = f64::from(std::mem::take(&mut self.increment.fields[colour][at]));
+                if self.increment.is_known && d != 0.0 {
+                    let of_node = |t: usize| {
+                        let at = layout.in_column(t, first);
+                        [&finest.b, &finest.charges].map(|of| f64::from(of[colour][at]))
+                    };
+                    self.increment.sums.remove(column, d, of_node);
+                }
                 for t in column..self.columns {
                     let residual = self.hierarchy.levels[0].b[colour][self.place(t, row).1];
                     self.of_free[column * self.columns + t] -= (potential - before) * f64::from(residual);
@@ -171,6 +187,7 @@ impl LatticeSolver {
 
     /// Stores potentials in another precision.
     pub(crate) fn change_precision(&mut self, matrix: &StiffnessMatrix) {
+        self.drop_increment();
         let (of_nodes, layout, slabs) = (self.of_nodes, self.layout, self.parts.slabs.len());
         let mut potentials = match self.potentials {
             Potentials::Double { .. } => Potentials::single(of_nodes, &layout, slabs),
@@ -188,6 +205,9 @@ impl LatticeSolver {
 
     /// Zero fields, after a solve that failed: nothing of it may be left, padding included.
     pub(crate) fn clear(&mut self) {
+        self.drop_increment();
+        let charges = &mut self.hierarchy.levels[0].charges;
+        self.increment.fields.iter_mut().chain(charges).for_each(|values| values.fill(0.0));
         self.potentials.clear();
         self.p.iter_mut().for_each(|values| values.fill(0.0));
         self.scale.fill(0.0);
@@ -225,7 +245,9 @@ impl LatticeSolver {
         } else {
             changed
         };
-        let Self { arch, potentials, links, hierarchy, of_free, held, state, node, workers, .. } = self;
+        let Self {
+            arch, potentials, links, hierarchy, increment, of_free, held, state, node, workers, ..
+        } = self;
         let arch = *arch;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed);
         let besides = || {
@@ -239,7 +261,8 @@ impl LatticeSolver {
         let (finest, coarser) = hierarchy.split();
         let (potentials, links) = (&*potentials, &*links);
         let residuals = || {
-            let mut rows = Refreshed { of_nodes, potentials, links, finest, of_free, state, node };
+            increment.forget_energies();
+            let mut rows = Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, node };
             changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };

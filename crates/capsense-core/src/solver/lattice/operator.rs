@@ -14,8 +14,13 @@ impl Operator for LatticeSolver {
     }
 
     fn evaluate(&mut self) {
+        self.drop_increment();
         self.scale.fill(0.0);
-        self.walk(None);
+        self.walk(None, false);
+    }
+
+    fn go_ahead(&mut self) {
+        LatticeSolver::go_ahead(self);
     }
 
     fn descend(&mut self, active: &[bool]) {
@@ -23,6 +28,7 @@ impl Operator for LatticeSolver {
         self.gains.fill(0.0);
         self.hierarchy.descend(&self.workers, self.arch, &self.active, &mut self.gains);
         self.add_gains_of_islands();
+        self.increment.note_gains(&self.gains);
         for t in 0..self.columns {
             for s in 0..t {
                 self.gains[t * self.columns + s] = self.gains[s * self.columns + t];
@@ -39,6 +45,7 @@ impl Operator for LatticeSolver {
     }
 
     fn precondition(&mut self, active: &[bool]) {
+        self.catch_up();
         self.activate(active);
         self.hierarchy.ascend(&self.workers, self.arch, &self.active);
         self.correct_islands();
@@ -74,9 +81,9 @@ impl Operator for LatticeSolver {
         self.scale.copy_from_slice(a);
         if beta.iter().all(|&beta| beta == 0.0) {
             std::mem::swap(&mut self.p, &mut self.hierarchy.levels[0].x);
-            self.walk(None);
+            self.walk(None, true);
         } else {
-            self.walk(Some(&beta));
+            self.walk(Some(&beta), true);
         }
         self.scale_products();
     }

@@ -19,7 +19,7 @@ pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
     }
 }
 
-/// to += a.
+/// to = a u.
 #[inline(always)]
 pub(super) fn multiply<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
     for (to, (a, u)) in S::as_mut_simd_f32s(to).0.iter_mut().zip(single::<S>(a).iter().zip(single::<S>(u))) {
@@ -27,10 +27,19 @@ pub(super) fn multiply<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
     }
 }
 
+/// to += a.
 #[inline(always)]
 pub(super) fn add<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
     for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
         *to = simd.add_f32s(*to, *a);
+    }
+}
+
+/// to -= a.
+#[inline(always)]
+pub(super) fn subtract<S: Simd>(simd: S, to: &mut [f32], a: &[f32]) {
+    for (to, a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(S::as_simd_f32s(a).0) {
+        *to = simd.sub_f32s(*to, *a);
     }
 }
 
@@ -49,6 +58,15 @@ pub(super) fn add_to<S: Simd>(simd: S, to: &mut [f32], own: &[f32], [a, u]: [&[f
     let (own, a, u) = (S::as_simd_f32s(own).0, S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
     for (((to, own), a), u) in S::as_mut_simd_f32s(to).0.iter_mut().zip(own).zip(a).zip(u) {
         *to = simd.add_f32s(*own, simd.mul_f32s(*a, *u));
+    }
+}
+
+/// to = own - f a.
+#[inline(always)]
+pub(super) fn subtract_multiple<S: Simd>(simd: S, to: &mut [f32], own: &[f32], factor: f32, a: &[f32]) {
+    let (own, a, factor) = (S::as_simd_f32s(own).0, S::as_simd_f32s(a).0, simd.splat_f32s(factor));
+    for ((to, own), a) in S::as_mut_simd_f32s(to).0.iter_mut().zip(own).zip(a) {
+        *to = simd.sub_f32s(*own, simd.mul_f32s(factor, *a));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::LatticeSolver;
 use super::hierarchy::Hierarchy;
+use super::increment::{Following, Increment};
 use super::layout::{Coloured, Layout};
 use super::level::{Level, Slab};
 use super::links::ObjectLinks;
@@ -15,9 +16,9 @@ use crate::solver::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
 
 impl LatticeSolver {
-    /// Moves the fields by the step, after z was added to β times it, and evaluates them.
-    pub(super) fn walk(&mut self, beta: Option<&[f64]>) {
-        let Level { stencil, b, x: z, .. } = &mut self.hierarchy.levels[0];
+    /// Moves the fields by the step, after z was added to β times it, and evaluates them. Nothing follows what is no step.
+    pub(super) fn walk(&mut self, beta: Option<&[f64]>, is_step: bool) {
+        let Level { stencil, b, x: z, charges, .. } = &mut self.hierarchy.levels[0];
         let inverse = &stencil.centre;
         let surroundings = Surroundings {
             layout: self.layout,
@@ -28,35 +29,44 @@ impl LatticeSolver {
             workers: &self.workers,
             arch: self.arch,
         };
-        let vectors = Vectors { z, beta, p: &mut self.p, r: b, states: &mut self.state_of_planes };
+        let increment = is_step.then_some((&mut self.increment, charges));
+        let vectors = Vectors { z, beta, p: &mut self.p, r: b, increment, states: &mut self.state_of_planes };
         match &mut self.potentials {
             Potentials::Single { x, leak, sums } => {
                 surroundings.walk(Leaking { stencil, leak }, inverse, vectors, x, sums);
             }
             Potentials::Double { x, stencil, sums, .. } => {
+                let vectors = Vectors { increment: None, ..vectors };
                 surroundings.walk(&**stencil, inverse, vectors, x, sums);
             }
         }
         self.add_states();
+        if is_step {
+            self.add_up_increment();
+        }
     }
 
     /// The second half of a cycle, and a step by the correction of the length `scale` on its way out. Nothing where the
     /// two must be apart: returns whether it was done.
     pub(super) fn ascend_and_walk(&mut self) -> bool {
-        let Potentials::Single { x, leak, sums } = &mut self.potentials else { return false };
-        let (leak, active) = (&*leak, &*self.active);
-        if self.hierarchy.transfers.is_empty() {
+        if self.hierarchy.transfers.is_empty() || !self.is_single() {
             return false;
         }
+        self.catch_up();
+        let Potentials::Single { x, leak, sums } = &mut self.potentials else { return false };
+        let (leak, active) = (&*leak, &*self.active);
         self.hierarchy.ascend_coarse(&self.workers, self.arch, active);
         let Hierarchy { levels, transfers, .. } = &mut self.hierarchy;
         let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) else {
             return false;
         };
+        let mut charges = std::mem::take(&mut finest.charges);
         for (phase, parts) in self.parts.phases().into_iter().enumerate() {
             let states = cut_planes(parts, &mut self.state_of_planes);
+            let mut following = self.increment.follow(parts, &mut charges);
             let of_movement = cut_both(parts, x).zip(states).zip(&mut *sums);
-            let slabs = finest.slabs(phase, active).zip(of_movement).map(|(slab, ((x, states), sums))| {
+            let slabs = finest.slabs(phase, active).zip(of_movement);
+            let slabs = slabs.map(|(slab, ((x, states), sums))| {
                 let equations = Equations {
                     network: Leaking { stencil: slab.stencil, leak },
                     of_nodes: self.of_nodes,
@@ -65,11 +75,14 @@ impl LatticeSolver {
                     links: &self.links,
                 };
                 let part = slab.part;
-                (slab, Movement { part, equations, scale: &self.scale, x, states, sums })
+                let increment = following.next();
+                (slab, Movement { part, equations, scale: &self.scale, x, increment, states, sums })
             });
             transfer.prolong_before(&self.workers, self.arch, slabs, coarse);
         }
+        finest.charges = charges;
         self.add_states();
+        self.add_up_increment();
         true
     }
 
@@ -100,6 +113,8 @@ struct Vectors<'a> {
     beta: Option<&'a [f64]>,
     p: &'a mut Coloured<f32>,
     r: &'a mut Coloured<f32>,
+    /// The last change of the fields and its charges, if they are to follow.
+    increment: Option<(&'a mut Increment, &'a mut Coloured<f32>)>,
     states: &'a mut [State],
 }
 
@@ -114,12 +129,15 @@ impl Surroundings<'_> {
     ) {
         let Self { layout, of_nodes, links, scale, .. } = self;
         let equations = Equations { network, of_nodes, layout, inverse, links };
-        let Vectors { z, beta, p, r, states } = vectors;
+        let Vectors { z, beta, p, r, mut increment, states } = vectors;
         for parts in self.parts.phases() {
+            let mut following =
+                increment.as_mut().map(|(increment, charges)| increment.follow(parts, charges));
             let cut = cut_both(parts, x).zip(cut_both(parts, p)).zip(cut_both(parts, r));
             let tasks = parts.iter().zip(cut).zip(cut_planes(parts, states)).zip(&mut *sums).map(
                 |(((part, ((x, p), r)), states), sums)| {
-                    let movement = Movement { part, equations, scale, x, states, sums };
+                    let increment = following.as_mut().and_then(Iterator::next);
+                    let movement = Movement { part, equations, scale, x, increment, states, sums };
                     Walk { movement, z, beta, p, r }
                 },
             );
@@ -135,6 +153,7 @@ pub(super) struct Movement<'a, K: Network> {
     /// The length of the step in each column.
     pub(super) scale: &'a [f64],
     pub(super) x: [&'a mut [K::Value]; 2],
+    pub(super) increment: Option<Following<'a>>,
     pub(super) states: &'a mut [State],
     pub(super) sums: &'a mut Sums<K::Value>,
 }
@@ -145,19 +164,30 @@ impl<K: Network> Movement<'_, K> {
     fn advance(&mut self, p: &[f32], nodes: &Nodes) {
         let layout = self.equations.layout;
         for (column, &scale) in self.scale.iter().enumerate() {
+            let at = nodes.within(&layout, column);
+            let x = &mut self.x[nodes.colour][at.start..at.end];
             if scale != 0.0 {
-                let at = nodes.within(&layout, column);
-                K::advance(&mut self.x[nodes.colour][at.start..at.end], scale, &p[at.start..at.end]);
+                K::advance(x, scale, &p[at.start..at.end]);
+            }
+            if let Some(increment) = &self.increment {
+                increment.advance::<K>(x, column, nodes.colour, at);
             }
         }
     }
 
     /// r = -K x in a piece of a plane, and sums with it.
     #[inline(always)]
-    fn evaluate<S: Simd>(&mut self, simd: S, p: [&[f32]; 2], r: &mut [f32], nodes: &Nodes) {
+    fn evaluate<S: Simd>(&mut self, simd: S, p: [&[f32]; 2], r: &mut [f32], nodes: &Nodes, k: usize) {
+        let layout = &self.equations.layout;
+        if let Some(increment) = &mut self.increment {
+            increment.add_step(layout, nodes, (p[nodes.colour], self.scale), r);
+        }
         let [red, black] = &self.x;
         let fields = Fields { x: [red, black], p };
         self.sums.evaluate(simd, &self.equations, &fields, r, nodes);
+        if let Some(increment) = &mut self.increment {
+            increment.add_up(simd, layout, nodes, r, k - self.part.planes.start);
+        }
     }
 
     /// One of the pieces of plane k.
@@ -175,6 +205,9 @@ impl<K: Network> Movement<'_, K> {
     fn start(&mut self, k: usize) {
         self.sums.start();
         self.states[k - self.part.planes.start].clear();
+        if let Some(increment) = &mut self.increment {
+            increment.start(k - self.part.planes.start);
+        }
     }
 
     #[inline(always)]
@@ -213,7 +246,7 @@ impl<K: Network> WithSimd for Walk<'_, K> {
                 let Some(k) = evaluated else { continue };
                 if let Some(nodes) = self.movement.piece(k, piece) {
                     let Self { movement, p: [red, black], r, .. } = &mut self;
-                    movement.evaluate(simd, [red, black], r[nodes.colour], &nodes);
+                    movement.evaluate(simd, [red, black], r[nodes.colour], &nodes, k);
                 }
             }
             if let Some(k) = evaluated {
@@ -260,7 +293,7 @@ impl<K: Network> Behind for Movement<'_, K> {
             for piece in 0..self.pieces() {
                 if let Some(nodes) = self.piece(k, [piece % 2, piece / 2]) {
                     let Slab { x: [red, black], b, .. } = &mut *slab;
-                    self.evaluate(simd, [red, black], b[nodes.colour], &nodes);
+                    self.evaluate(simd, [red, black], b[nodes.colour], &nodes, k);
                 }
             }
             self.finish(k);
