@@ -55,6 +55,25 @@ fn plates_thinner_than_cells_are_told_where_they_are_lost() {
     }
 }
 
+/// What a mesh sees of a body follows from its nodes, not from how often its edges are looked at.
+#[test]
+fn plates_as_thick_as_cells_are_told_alike_on_and_off_lattices() {
+    let sensors = both(stripes_sensor(9_000));
+    let mut told = 0;
+    for thickness in [0.005, 0.01, 0.02, 0.04, 0.06] {
+        for interface in INTERFACES {
+            for material in [dielectric(80.0), GROUNDED] {
+                let solids = plate(thickness, DVec3::new(0.0, 0.0, 0.0437), 0.0);
+                let [off_lattice, lattice] =
+                    [0, 1].map(|k| is_unresolved(&sensors[k], interface, material, &solids));
+                assert_eq!(off_lattice, lattice, "{interface:?} {material:?}, {thickness} m");
+                told += usize::from(lattice);
+            }
+        }
+    }
+    assert!((6..24).contains(&told), "{told} of 30");
+}
+
 /// Lines beside edges of a lattice see weak ones, however thin.
 #[test]
 fn weak_plates_are_lost_off_lattices_alone() {

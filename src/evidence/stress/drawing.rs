@@ -36,7 +36,8 @@ fn colours(status: Status) -> (RGBColor, RGBColor) {
         Status::Ok => (RGBColor(214, 236, 245), INK),
         Status::Slow => (RGBColor(244, 208, 96), INK),
         Status::Refused => (RGBColor(120, 128, 138), WHITE),
-        Status::Inaccurate => (RGBColor(196, 72, 20), WHITE),
+        Status::Inaccurate => (RGBColor(233, 147, 82), INK),
+        Status::Wrong => (RGBColor(142, 22, 28), WHITE),
     }
 }
 
@@ -47,9 +48,12 @@ fn meaning(status: Status) -> String {
         Status::Slow => format!("slow: right after more than {SLOW} iterations"),
         Status::Refused => "refused: an error or a warning says why".to_owned(),
         Status::Inaccurate => format!(
-            "inaccurate: % of the change by objects, above {:.0}; or by how many tolerances (t) of C",
+            "inaccurate: by so many % of the change by objects, above {:.0}, within its error bar",
             100.0 * MODEL
         ),
+        Status::Wrong => {
+            "wrong without notice: the same beyond it, or by so many tolerances (t) of C".to_owned()
+        }
     }
 }
 

@@ -68,10 +68,15 @@ pub(crate) fn unresolved(
 }
 
 fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, object: usize) -> Seen {
+    // Off lattices long edges are visited more often than short ones, which would make bodies look thin along short ones.
+    let mut near = Vec::new();
+    mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| near.push((edge, ends)));
+    near.sort_unstable();
+    near.dedup();
     let mut seen = Seen::default();
-    mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| {
+    for (edge, ends) in near {
         let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
-        let Some(span) = surfaces.span(object, a, b) else { return };
+        let Some(span) = surfaces.span(object, a, b) else { continue };
         let weight = weights[edge].max(0.0);
         seen.is_met = true;
         match [a, b].map(|end| surfaces.contains(object, end)) {
@@ -80,6 +85,6 @@ fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, ob
             _ => seen.leaving += weight * a.distance_squared(b),
         }
         seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
-    });
+    }
     seen
 }
