@@ -60,7 +60,7 @@ fn error_bars_of_all_interface_models_are_as_large_as_errors() {
         let (ratio, held) = (rms(&bars) / rms(&errors), held as f64 / errors.len() as f64);
         println!("{}: {ratio:.2} times, {held:.2} of {} held", interface.name(), errors.len());
         assert!((1.0..3.0).contains(&ratio), "{}: {ratio}", interface.name());
-        assert!(held > 0.85 && errors.len() > 20, "{}: {held} of {}", interface.name(), errors.len());
+        assert!(held > 0.8 && errors.len() > 20, "{}: {held} of {}", interface.name(), errors.len());
     }
 }
 
