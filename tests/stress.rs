@@ -85,6 +85,7 @@ fn fields_are_judged_by_what_is_wrong_with_them() {
         (measured(7, 4.2e-5, None), Some(Status::Wrong), "4t"),
         (barred(7, 4.2e-5, Some(0.5), Some(0.6)), Some(Status::Wrong), "4t"),
         (measured(7, f64::NAN, None), Some(Status::Wrong), "NaNt"),
+        (measured(7, f64::INFINITY, None), Some(Status::Wrong), "∞"),
         (measured(101, 0.0, Some(0.5)), Some(Status::Wrong), "50%"),
         (barred(7, 0.0, Some(0.5), Some(0.49)), Some(Status::Wrong), "50%"),
         (barred(101, 0.0, Some(0.5), Some(0.51)), Some(Status::Inaccurate), "50%"),

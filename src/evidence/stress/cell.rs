@@ -127,6 +127,9 @@ impl fmt::Display for Cell {
             Outcome::Refused(_) => f.write_str("×"),
             Outcome::Measured(m) if m.is_unsolved() => {
                 let times = m.solver_error / m.tolerance;
+                if times.is_infinite() {
+                    return f.write_str("∞");
+                }
                 if times < 1000.0 { write!(f, "{times:.0}t") } else { write!(f, "{times:.0e}t") }
             }
             Outcome::Measured(Measured { model_error: Some(error), .. }) if *error > MODEL => {
