@@ -46,9 +46,8 @@ impl Run {
         self.frames.last().unwrap_or(&self.base)
     }
 
-    /// What objects do to all entries.
     fn change(&self) -> Vec<f64> {
-        self.last().minus(&self.base).rows().flatten().copied().collect()
+        change(&self.base, self.last())
     }
 }
 
@@ -116,12 +115,11 @@ struct Changes {
 impl Changes {
     /// `None` where it is not the interface model that is stressed.
     fn of(scenario: &Scenario) -> Option<Self> {
-        let fine = scenario.fine().and_then(|sensor| {
-            let mut fine = Simulating::new(scenario, &sensor.ok()?, Interface::EdgeCut, &FINE).ok()?;
-            fine.run_from(scenario.first_solved()).ok().map(|run| run.change())
-        });
-        let truth = fine.or_else(|| plates(scenario.stress))?;
-        Some(Self { truth, halved: [true, false].map(|is_lattice| halved(scenario, is_lattice)) })
+        let fine = scenario.fine().and_then(|sensor| last_frame(scenario, sensor.ok()?));
+        let truth = fine.map(|fine| change(fine.base(), fine.capacitance()));
+        let truth = truth.or_else(|| plates(scenario.stress))?;
+        let halved = [true, false].map(|is_lattice| last_frame(scenario, halved(is_lattice)?));
+        Some(Self { truth, halved })
     }
 
     /// Of a simulator in its last frame.
@@ -134,16 +132,25 @@ impl Changes {
     }
 }
 
-/// The last frame on the lattice with all spacings halved, where surfaces cut edges.
-fn halved(scenario: &Scenario, is_lattice: bool) -> Option<Simulator> {
+/// The lattice of the scenarios whose truth is known with all spacings halved, known to be one or not.
+fn halved(is_lattice: bool) -> Option<Sensor> {
     let lattice = halved_lattice(meshes::on_lattice().ok()?.lattice()?).ok()?;
     let sensor = Sensor::on_lattice(&meshes::stripes(), &lattice).ok()?;
-    let sensor = if is_lattice { sensor } else { sensor.off_lattice() };
-    let mut halved = Simulator::new(sensor, scenario.materials.clone(), FINE).ok()?;
+    Some(if is_lattice { sensor } else { sensor.off_lattice() })
+}
+
+/// The last frame where surfaces cut edges of another mesh; `None` where a conductor touches an electrode there.
+fn last_frame(scenario: &Scenario, sensor: Sensor) -> Option<Simulator> {
+    let mut simulator = Simulator::new(sensor, scenario.materials.clone(), FINE).ok()?;
     let mut solids = scenario.solids().ok()?;
     scenario.place(&mut solids, scenario.frames() - 1).ok()?;
-    let _ = halved.step(&solids).ok()?;
-    Some(halved)
+    let _ = simulator.step(&solids).ok()?;
+    simulator.contacts().is_empty().then_some(simulator)
+}
+
+/// What objects do to all entries.
+fn change(base: &CapacitanceMatrix, with_objects: &CapacitanceMatrix) -> Vec<f64> {
+    with_objects.minus(base).rows().flatten().copied().collect()
 }
 
 /// Electrodes so close to a bar that they are plates, their edges within a hundredth: C = ε₀A/d.
