@@ -5,7 +5,9 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::material::Material;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
-use crate::solver::{Awake, EdgeFields, FieldSolver, Preconditioner, SolveError, SolveReport, SolverOptions};
+use crate::solver::{
+    Awake, EdgeFields, FieldSolver, Preconditioner, RemoteFields, SolveError, SolveReport, SolverOptions,
+};
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
 
@@ -39,6 +41,7 @@ impl Fields {
         materials: &[Material],
         matrix: &StiffnessMatrix,
         options: &SolverOptions,
+        remote: Option<Box<dyn RemoteFields>>,
     ) -> Self {
         let electrodes = sensor.electrode_names().len() as Terminal;
         let objects = electrodes + 1..electrodes + 1 + materials.len() as Terminal;
@@ -51,7 +54,7 @@ impl Fields {
         let row_terminals: Vec<Terminal> = sensor.terminals().iter().copied().chain(bodies).collect();
         let fixed: Vec<bool> = row_terminals.iter().map(|&terminal| terminal != FREE).collect();
         let mut fields = Self {
-            solver: FieldSolver::new(matrix, &fixed, terminals.len(), &to_ground, options),
+            solver: FieldSolver::new(matrix, &fixed, terminals.len(), &to_ground, options, remote),
             fixed,
             nodes_held: vec![0; materials.len()],
             linked: vec![false; materials.len()],
@@ -202,10 +205,8 @@ impl Fields {
             let object = usize::from(terminal) - electrodes - 1;
             let present = self.linked[object] || self.nodes_held[object] > 0;
             if self.present[object] && !present {
-                for (row, &holder) in self.row_terminals.iter().enumerate() {
-                    self.solver.set_potential(column, row, f64::from(u8::from(holder == terminal)));
-                }
-                self.solver.forget_residual();
+                let held = self.row_terminals.iter().map(|&holder| f64::from(u8::from(holder == terminal)));
+                self.solver.empty_column(column, held);
             }
             self.present[object] = present;
         }
@@ -252,6 +253,11 @@ impl Fields {
         for node in self.changed.drain(..) {
             self.is_changed[node as usize] = false;
         }
+    }
+
+    /// Tells fields that are elsewhere of a solve to come.
+    pub(crate) fn announce(&mut self, options: &SolverOptions) {
+        self.solver.announce(options);
     }
 
     pub(crate) fn solve(
@@ -326,7 +332,7 @@ mod tests {
         };
         let sensor = Sensor::on_lattice(&design, &design.lattice(3_000).unwrap()).unwrap();
         let mut matrix = StiffnessMatrix::new(EdgeNetwork::of_sensor(&sensor), sensor.mesh().nodes().len());
-        let mut fields = Fields::new(&sensor, &[], &matrix, &SolverOptions::default());
+        let mut fields = Fields::new(&sensor, &[], &matrix, &SolverOptions::default(), None);
         matrix.update(&Occupancy::empty(matrix.nodes(), matrix.network().edges().len()));
         assert!(matrix.changed_rows().is_empty());
         let node = sensor.terminals().iter().position(|terminal| *terminal == FREE).unwrap();

@@ -3,11 +3,12 @@
 //! No files, no clocks, no GPU. [`simulator::Simulator::step`] is the one main path; what it calls stands in the other
 //! modules, which build on each other in this order: [`units`], [`geometry`], [`mesh`], [`electrode`], [`material`],
 //! [`sensor`], [`occupancy`], [`solids`], [`stiffness`], [`solver`], [`capacitance`], [`estimate`], [`simulator`]. Beside it stand
-//! [`measurement`], what converters make of capacitances, and [`baseline`], the methods it is compared with.
+//! [`batch`], many simulators at once, [`measurement`], what converters make of capacitances, and [`baseline`], the methods it is compared with.
 
 #![forbid(unsafe_code)]
 
 pub mod baseline;
+pub mod batch;
 pub mod capacitance;
 pub mod electrode;
 pub mod estimate;

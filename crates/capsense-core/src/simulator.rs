@@ -8,12 +8,16 @@ use crate::fields::Fields;
 use crate::material::Material;
 use crate::occupancy::{Contact, EdgeGeometry, Interface, Occupancy, Surfaces, unresolved};
 use crate::sensor::Sensor;
-use crate::solver::{CONTRAST, Preconditioner, SolveReport, SolverOptions};
+use crate::solver::{CONTRAST, Preconditioner, RemoteFields, RemoteProblem, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
 pub use refusal::SimulatorError;
 
 /// Largest relative error of the self-capacitances of the empty scene.
 const TOLERANCE_AT_REST: f64 = 1e-8;
+
+/// The part of the tolerance that is asked of fields elsewhere where there are strong dielectrics: what the potential of such
+/// a body as a whole has ahead shows late, and nothing but iterations finds it there.
+const STRONG_ON_DEVICE: f64 = 0.1;
 
 /// What a frame took.
 #[must_use]
@@ -99,6 +103,41 @@ impl Simulator {
         options: SolverOptions,
         interface: Interface,
     ) -> Result<Self, SimulatorError> {
+        Self::build(sensor, materials, options, interface, None)
+    }
+
+    /// What fields elsewhere are made for; `None` where the mesh is no lattice.
+    pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Option<RemoteProblem> {
+        let columns = sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count();
+        sensor.lattice().map(|lattice| RemoteProblem { lattice: lattice.clone(), columns })
+    }
+
+    /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
+    /// this sensor and these materials.
+    ///
+    /// # Errors
+    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the preconditioner is not multigrid, or a dielectric
+    /// is more polarisable than single precision allows.
+    pub fn with_remote(
+        sensor: Sensor,
+        materials: Vec<Material>,
+        options: SolverOptions,
+        interface: Interface,
+        remote: Box<dyn RemoteFields>,
+    ) -> Result<Self, SimulatorError> {
+        refusal::check_remote(&sensor, &materials, &options)?;
+        let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
+        let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
+        Self::build(sensor, materials, options, interface, Some(remote))
+    }
+
+    fn build(
+        sensor: Sensor,
+        materials: Vec<Material>,
+        options: SolverOptions,
+        interface: Interface,
+        remote: Option<Box<dyn RemoteFields>>,
+    ) -> Result<Self, SimulatorError> {
         refusal::check(&sensor, &materials, &options)?;
         let nodes = sensor.mesh().nodes().len();
         let (network, occupancy) = nothing_there(&sensor, &materials, interface);
@@ -107,7 +146,7 @@ impl Simulator {
             Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
             _ => StiffnessMatrix::in_rows(network, nodes),
         };
-        let mut fields = Fields::new(&sensor, &materials, &matrix, &options);
+        let mut fields = Fields::new(&sensor, &materials, &matrix, &options, remote);
         fields.note_changes(&matrix, &[]);
         fields.refresh(&matrix, &occupancy, false, &options);
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
@@ -181,6 +220,12 @@ impl Simulator {
         let islands = self.materials.iter().any(may_float);
         self.fields.refresh(&self.matrix, &self.occupancy, islands, &self.options);
         Ok(self.occupancy.changed_edges().len())
+    }
+
+    /// Tells fields that are elsewhere, see [`Simulator::with_remote`], that [`Simulator::solve`] will be called next: those of
+    /// other simulators on the same device can then be computed by the same launches.
+    pub fn announce_solve(&mut self) {
+        self.fields.announce(&self.options);
     }
 
     /// Solves for the fields, starting from those of the frame before, and evaluates the capacitance matrix.

@@ -61,6 +61,14 @@ pub enum RenderError {
         /// How much there may be.
         limit: u64,
     },
+    /// The adapter's memory does not suffice.
+    #[error("the graphics adapter has no room for {needed} bytes of {what}")]
+    OutOfMemory {
+        /// What there is no room for.
+        what: &'static str,
+        /// Bytes that were asked for.
+        needed: u64,
+    },
     /// The driver refused a command or lost the device. The renderer is of no further use.
     #[error("the graphics driver failed while {doing}: {reason}")]
     Driver {

@@ -7,9 +7,11 @@
 
 #![forbid(unsafe_code)]
 
+mod adapter;
 mod atlas;
 pub mod cpu;
 mod error;
+pub mod fields;
 pub mod gpu;
 pub mod mesh_file;
 mod renderer;

@@ -8,6 +8,7 @@ use super::green::{Empty, Green};
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
+use super::remote::{RemoteFields, RemoteSolver};
 use super::workers::{Awake, Workers};
 use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
@@ -19,6 +20,15 @@ const SINGLE_PRECISION: f64 = 1e-6;
 
 /// Iterations that a solve in single precision may take: more of them tell of rounding that does not let it end.
 const ITERATIONS_IN_SINGLE_PRECISION: usize = 30;
+
+/// The finest relative error of an energy that fields elsewhere, in single precision, are asked for.
+const FINEST_IN_SINGLE_PRECISION: f64 = 1e-7;
+
+/// In single precision, an energy below this part of the largest is that of an object that is not there.
+const ABSENT: f64 = 1e-10;
+
+/// Energies may have changed by this factor since it was said how exact they must be.
+const ENERGIES_CHANGED: f64 = 1.1;
 
 /// Fields of several terminals, and how to improve them.
 #[derive(Clone, Debug)]
@@ -44,18 +54,20 @@ pub(crate) struct FieldSolver {
 enum Vectors {
     Lattice(Box<LatticeSolver>),
     Csr(CsrSolver),
+    Remote(Box<RemoteSolver>),
 }
 
 impl FieldSolver {
     /// Zero fields of so many columns. `fixed` tells for every row, nodes and then objects, whether it is held,
     /// `to_ground` for each of the last columns, which belong to objects that find their own potential, what capacitance
-    /// ties them to ground, in units of energy.
+    /// ties them to ground, in units of energy. Fields may be `remote`.
     pub(crate) fn new(
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         columns: usize,
         to_ground: &[f64],
         options: &SolverOptions,
+        remote: Option<Box<dyn RemoteFields>>,
     ) -> Self {
         let rule = match options.preconditioner {
             Preconditioner::Jacobi | Preconditioner::None => ErrorRule::Window,
@@ -65,8 +77,11 @@ impl FieldSolver {
         let threads =
             options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
         let workers = Workers::new(threads, matrix.nodes());
-        let vectors = match matrix.network().edges() {
-            Edges::Lattice(lattice) if matrix.is_lattice() => {
+        let vectors = match (remote, matrix.network().edges()) {
+            (Some(remote), _) => {
+                Vectors::Remote(Box::new(RemoteSolver::new(remote, columns, matrix.nodes(), objects)))
+            }
+            (None, Edges::Lattice(lattice)) if matrix.is_lattice() => {
                 let fields = LatticeSolver::new(lattice, columns, objects, fixed, workers.clone());
                 Vectors::Lattice(Box::new(fields))
             }
@@ -102,6 +117,7 @@ impl FieldSolver {
         match &self.vectors {
             Vectors::Lattice(fields) => fields.potential(column, row),
             Vectors::Csr(fields) => fields.potential(column, row),
+            Vectors::Remote(fields) => fields.potential(column, row),
         }
     }
 
@@ -111,7 +127,19 @@ impl FieldSolver {
         match &mut self.vectors {
             Vectors::Lattice(fields) => fields.set_potential(column, row, potential),
             Vectors::Csr(fields) => fields.set_potential(column, row, potential),
+            Vectors::Remote(fields) => fields.set_potential(column, row, potential),
         }
+    }
+
+    /// One column becomes what `held` tells of each row; the residual is lost.
+    pub(crate) fn empty_column(&mut self, column: usize, held: impl Iterator<Item = f64>) {
+        for (row, potential) in held.enumerate() {
+            self.set_potential(column, row, potential);
+        }
+        if let Vectors::Remote(fields) = &mut self.vectors {
+            fields.empty(column);
+        }
+        self.forget_residual();
     }
 
     /// The next solve computes the residual everywhere.
@@ -144,6 +172,7 @@ impl FieldSolver {
         match &mut self.vectors {
             Vectors::Lattice(fields) => fields.refresh(matrix, fixed, changed),
             Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed.iter().copied()),
+            Vectors::Remote(fields) => fields.refresh(matrix, fixed, changed),
         }
     }
 
@@ -158,6 +187,7 @@ impl FieldSolver {
         match &mut self.vectors {
             Vectors::Lattice(fields) => fields.find_islands(matrix, occupancy, fixed, changed),
             Vectors::Csr(fields) => fields.find_islands(matrix, occupancy, fixed, changed),
+            Vectors::Remote(_) => {}
         }
     }
 
@@ -173,9 +203,13 @@ impl FieldSolver {
                 relative_error: self.gap_of_capacitances(),
                 residual: self.residual,
                 skipped: true,
+                launches: 0,
             });
         }
         self.bracket.is_lost = true;
+        if let Vectors::Remote(_) = self.vectors {
+            return self.solve_remotely(options);
+        }
         if let Some(report) = self.answer() {
             return Ok(report);
         }
@@ -185,12 +219,14 @@ impl FieldSolver {
             match &mut self.vectors {
                 Vectors::Lattice(fields) => fields.clear(),
                 Vectors::Csr(fields) => fields.clear(),
+                Vectors::Remote(_) => {}
             }
         }
         let report = report?;
         let energies = match &self.vectors {
             Vectors::Lattice(fields) => &fields.state().energies,
             Vectors::Csr(fields) => &fields.state().energies,
+            Vectors::Remote(_) => return Ok(report),
         };
         let errors = (0..self.columns).map(|column| self.iteration.relative_error(column));
         self.bracket.reset(energies, self.iteration.corrections(), errors);
@@ -200,11 +236,63 @@ impl FieldSolver {
         Ok(report)
     }
 
+    /// Tells fields that are elsewhere of a solve to come.
+    pub(crate) fn announce(&mut self, options: &SolverOptions) {
+        let Self { vectors, bracket, demand, columns, .. } = self;
+        if let Vectors::Remote(fields) = vectors {
+            let allowed = allowed_energies(bracket, demand, *columns, options);
+            let most = options.max_iterations.min(ITERATIONS_IN_SINGLE_PRECISION);
+            fields.announce(allowed.as_deref(), most);
+        }
+    }
+
+    /// Has the fields improved where they are. The bracket stays lost: it would need potentials along changed edges.
+    fn solve_remotely(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
+        let Self { vectors, bracket, demand, columns, residual_is_lost, residual, .. } = self;
+        let Vectors::Remote(fields) = vectors else { return Ok(SolveReport::default()) };
+        let mut report = SolveReport::default();
+        loop {
+            let allowed = allowed_energies(bracket, demand, *columns, options);
+            let known = allowed.as_deref();
+            let left = options.max_iterations - report.iterations;
+            let solution = fields.solve(known, left.min(ITERATIONS_IN_SINGLE_PRECISION))?;
+            report.iterations += solution.iterations;
+            report.launches += solution.launches;
+            report.residual = solution.residual;
+            bracket.energies.copy_from_slice(&solution.energies);
+            demand.update(&solution.energies);
+            // What was asked for in terms of energies as they were may be a little more than of those now.
+            let allowed = allowed_energies(bracket, demand, *columns, options).unwrap_or_default();
+            let reached = |(to_come, allowed): (&f64, &f64)| *to_come <= ENERGIES_CHANGED * allowed;
+            let enough = solution.to_come.iter().zip(&allowed).all(reached);
+            let errors = own_energies(&solution.energies, *columns).zip(&solution.to_come).enumerate();
+            let worst = errors
+                .filter(|(column, (energy, _))| *energy > 0.0 && allowed[*column] < f64::INFINITY)
+                .map(|(column, (energy, to_come))| demand.error_of_capacitance(column, to_come / energy))
+                .fold(0.0, f64::max);
+            report.relative_error = worst;
+            if enough || known.is_none() {
+                (*residual_is_lost, *residual) = (false, report.residual);
+                return Ok(report);
+            }
+            if solution.iterations == 0 || report.iterations >= options.max_iterations {
+                let (iterations, tolerance) = (report.iterations, options.tolerance);
+                return Err(SolveError::NotConverged { iterations, relative_error: worst, tolerance });
+            }
+        }
+    }
+
     /// The exact answer to this frame, if there is one.
     fn answer(&mut self) -> Option<SolveReport> {
         let (green, relative_error) = (self.green.as_ref()?, self.answered?);
         self.bracket.energies.copy_from_slice(green.energies());
-        Some(SolveReport { iterations: 1, relative_error, residual: self.residual, skipped: false })
+        Some(SolveReport {
+            iterations: 1,
+            relative_error,
+            residual: self.residual,
+            skipped: false,
+            launches: 0,
+        })
     }
 
     /// Makes the table that answers frames on small meshes, from the fields of the empty scene.
@@ -249,6 +337,7 @@ impl FieldSolver {
         match vectors {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
             Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
+            Vectors::Remote(_) => Ok(SolveReport::default()),
         }
     }
 
@@ -315,6 +404,28 @@ impl FieldSolver {
     pub(crate) fn energies(&self) -> &[f64] {
         &self.bracket.energies
     }
+}
+
+/// How far the energies of fields elsewhere may be from the least, as far as energies are known.
+fn allowed_energies(
+    bracket: &Bracket,
+    demand: &Demand,
+    columns: usize,
+    options: &SolverOptions,
+) -> Option<Vec<f64>> {
+    let energies = || own_energies(&bracket.energies, columns);
+    let largest = energies().fold(0.0, f64::max);
+    // Of what is not known, and of objects that are not there, nothing can be asked.
+    let allowed = |(column, energy): (usize, f64)| match energy > ABSENT * largest {
+        true => energy * demand.allowed(column, energy, options).max(FINEST_IN_SINGLE_PRECISION),
+        false => f64::INFINITY,
+    };
+    (largest > 0.0).then(|| energies().enumerate().map(allowed).collect())
+}
+
+/// The energies of all columns, of those of all pairs.
+fn own_energies(energies: &[f64], columns: usize) -> impl Iterator<Item = f64> {
+    energies.iter().step_by(columns + 1).copied()
 }
 
 fn improve(

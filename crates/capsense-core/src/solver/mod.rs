@@ -13,6 +13,7 @@ mod lattice;
 mod operator;
 mod pcg;
 mod preconditioner;
+mod remote;
 mod workers;
 
 pub(crate) use bracket::EdgeFields;
@@ -20,6 +21,9 @@ pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub use preconditioner::Preconditioner;
+pub use remote::{
+    Changes, Feed, HELD_AT_ZERO, NO_HOLDER, NodeRow, RemoteFields, RemoteProblem, RemoteSolution, of_links,
+};
 pub(crate) use workers::Awake;
 
 /// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
@@ -71,7 +75,7 @@ impl SolverOptions {
 
 /// What a solve reached.
 #[must_use]
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveReport {
     /// Number of steps that the fields took; all terminals advance together. None if the frame was skipped, and none if
     /// it was seen before any step how much they would take from the capacitances: then [`SolveReport::relative_error`]
@@ -87,6 +91,8 @@ pub struct SolveReport {
     /// Whether there was nothing to solve, because bounds from both sides showed that what changed in the scene moves no
     /// capacitance by more than the tolerance.
     pub skipped: bool,
+    /// Kernels that a device launched for it, where the fields are on one; those of a whole batch.
+    pub launches: usize,
 }
 
 /// Why there is no solution. The field of the last good frame is lost, that of the failed one is not used.
@@ -123,5 +129,11 @@ pub enum SolveError {
         column: usize,
         /// Iteration in which it showed.
         iteration: usize,
+    },
+    /// The device that the fields are on failed.
+    #[error("the device that computes the fields failed: {reason}")]
+    Device {
+        /// What it said.
+        reason: String,
     },
 }

@@ -106,7 +106,7 @@ impl ConjugateGradients {
         }
         let ratios = state.residual.iter().zip(&state.charge).filter(|(_, charge)| **charge > 0.0);
         let residual = ratios.map(|(free, held)| (free.max(0.0) / held).sqrt()).fold(0.0, f64::max);
-        Ok(SolveReport { iterations, relative_error, residual, skipped: false })
+        Ok(SolveReport { iterations, relative_error, residual, skipped: false, launches: 0 })
     }
 
     fn start(&mut self) {

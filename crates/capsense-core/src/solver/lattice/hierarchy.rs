@@ -49,32 +49,13 @@ pub(super) struct Hierarchy {
 impl Hierarchy {
     /// Plans the levels; weights come with [`Hierarchy::refresh_finest`].
     pub(super) fn new(lattice: &Lattice, layout: Layout, columns: usize, threads: usize) -> Self {
-        let mut planes = lattice.axes().clone();
         let few = layout.counts.into_iter().product::<usize>() < FEW_NODES;
-        let reduction = if few { REDUCTION_OF_FEW } else { REDUCTION };
         let mut levels = vec![Level::new(layout, columns, threads)];
         let mut transfers = Vec::new();
-        let spacings = planes.iter().flat_map(|axis| axis.windows(2)).map(|pair| pair[1] - pair[0]);
-        let mut length = spacings.fold(f64::INFINITY, f64::min);
-        while planes.iter().any(|axis| axis.len() > FEW_PLANES) {
-            length *= STEP;
-            let kept = [0, 1, 2].map(|axis| kept_planes(&planes[axis], length * SLACK));
-            let nodes = |planes: [usize; 3]| planes.into_iter().product::<usize>() as f64;
-            let left = [0, 1, 2].map(|axis| kept[axis].iter().filter(|kept| **kept).count());
-            let all_merge = planes
-                .iter()
-                .flat_map(|axis| axis.windows(3))
-                .all(|three| three[2] - three[0] <= length * SLACK);
-            if nodes(left) > reduction * nodes([0, 1, 2].map(|axis| planes[axis].len())) && !all_merge {
-                continue;
-            }
+        for kept in coarsenings(lattice, if few { REDUCTION_OF_FEW } else { REDUCTION }) {
             let (transfer, counts) = Transfer::new(&levels[levels.len() - 1], &kept, threads);
             levels.push(Level::new(Layout::new(counts, layout.margin), columns, threads));
             transfers.push(transfer);
-            for (planes, kept) in planes.iter_mut().zip(kept) {
-                let mut kept = kept.into_iter();
-                planes.retain(|_| kept.next().unwrap_or(true));
-            }
         }
         Self {
             finest: Network::new(layout.counts),
@@ -199,6 +180,32 @@ impl Coarser<'_> {
         let networks = networks.filter_map(|(transfer, level)| transfer.coarse().zip(Some(level)));
         workers.for_each(networks, |((network, changed), level)| level.refresh(arch, network, changed));
     }
+}
+
+/// How a lattice is made coarser, step by step: which planes across each axis are kept of those of the step before. Each
+/// step leaves no more than a part of the nodes.
+pub(in crate::solver) fn coarsenings(lattice: &Lattice, reduction: f64) -> Vec<[Vec<bool>; 3]> {
+    let mut planes = lattice.axes().clone();
+    let mut steps = Vec::new();
+    let spacings = planes.iter().flat_map(|axis| axis.windows(2)).map(|pair| pair[1] - pair[0]);
+    let mut length = spacings.fold(f64::INFINITY, f64::min);
+    while planes.iter().any(|axis| axis.len() > FEW_PLANES) {
+        length *= STEP;
+        let kept = [0, 1, 2].map(|axis| kept_planes(&planes[axis], length * SLACK));
+        let nodes = |planes: [usize; 3]| planes.into_iter().product::<usize>() as f64;
+        let left = [0, 1, 2].map(|axis| kept[axis].iter().filter(|kept| **kept).count());
+        let all_merge =
+            planes.iter().flat_map(|axis| axis.windows(3)).all(|three| three[2] - three[0] <= length * SLACK);
+        if nodes(left) > reduction * nodes([0, 1, 2].map(|axis| planes[axis].len())) && !all_merge {
+            continue;
+        }
+        for (planes, kept) in planes.iter_mut().zip(&kept) {
+            let mut kept = kept.iter();
+            planes.retain(|_| kept.next().copied().unwrap_or(true));
+        }
+        steps.push(kept);
+    }
+    steps
 }
 
 /// Merges neighbouring cells that together are at most so long, each with one neighbour at most.

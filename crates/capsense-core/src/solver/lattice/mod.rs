@@ -39,6 +39,7 @@ use crate::stiffness::StiffnessMatrix;
 use charges::NodeCharges;
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
+pub(super) use hierarchy::coarsenings;
 use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;

@@ -1,0 +1,327 @@
+//! Fields that are solved for elsewhere, on a graphics device say: what the rest of the solver tells of K and of what is
+//! held, and what comes back.
+
+use super::SolveError;
+use super::lattice::coarsenings;
+use crate::mesh::Lattice;
+use crate::stiffness::StiffnessMatrix;
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+use std::sync::OnceLock;
+
+/// The holder of a node whose potential is unknown.
+pub const NO_HOLDER: u32 = u32::MAX;
+
+/// The holder of a node at 0 V in every column.
+pub const HELD_AT_ZERO: u32 = u32::MAX - 1;
+
+/// What a lattice's nodes are and how many fields there are, before anything is known of K.
+#[derive(Clone, Debug)]
+pub struct RemoteProblem {
+    /// The lattice; nodes are numbered as it does.
+    pub lattice: Lattice,
+    /// Number of fields: one for each electrode and for each object that finds its own potential.
+    pub columns: usize,
+}
+
+impl RemoteProblem {
+    /// How the lattice is made coarser, step by step: which planes across x, y and z are kept of those of the step before.
+    /// Nodes become fewer by `reduction` at least in each step; no two neighbouring planes are given up, nor the first or
+    /// the last.
+    pub fn coarsenings(&self, reduction: f64) -> Vec<[Vec<bool>; 3]> {
+        coarsenings(&self.lattice, reduction)
+    }
+}
+
+/// The row of one node: farads over ε0, that is metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeRow {
+    /// Number of the node.
+    pub node: u32,
+    /// Weights to the next node along x, y and z; zero where there is none.
+    pub next: [f32; 3],
+    /// Sum of the weights of its links.
+    pub leak: f32,
+    /// The column in which it is held at 1 V, at 0 V in all others; or [`HELD_AT_ZERO`], or [`NO_HOLDER`].
+    pub holder: u32,
+}
+
+/// What the links of one node lead to: Σ w V over its links in one column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feed {
+    /// Number of the node.
+    pub node: u32,
+    /// Number of the column.
+    pub column: u32,
+    /// The sum.
+    pub charge: f32,
+}
+
+/// What differs from the frame before.
+#[derive(Clone, Copy, Debug)]
+pub struct Changes<'a> {
+    /// Rows that changed. A node that is no longer held keeps its potential as a first guess.
+    pub rows: &'a [NodeRow],
+    /// Feeds that changed; those that were never told are zero.
+    pub feeds: &'a [Feed],
+    /// Columns whose fields are to start from zero where nothing holds them.
+    pub emptied: &'a [usize],
+}
+
+/// What a solve reached.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RemoteSolution {
+    /// Σ w (x_s - x_s')(x_t - x_t') over edges, plus what [`of_links`] tells of each node, for all pairs of columns, row by
+    /// row.
+    pub energies: Vec<f64>,
+    /// What each column's energy may still fall by, as estimated.
+    pub to_come: Vec<f64>,
+    /// Number of iterations.
+    pub iterations: usize,
+    /// Recomputed residual on free nodes over the charges on the column's own, the largest of all columns.
+    pub residual: f64,
+    /// Kernels that the device launched for it, and for others of a batch along with it.
+    pub launches: usize,
+}
+
+/// What the links of a node add to the energy of two columns in which it is at x and y and has these feeds. Most nodes with
+/// links have them to one potential, and differences from that keep digits that products do not.
+pub fn of_links(leak: f32, [x, y]: [f32; 2], [feed_x, feed_y]: [f32; 2]) -> f32 {
+    match potential_of_links(leak, [feed_x, feed_y]) {
+        Some([to_x, to_y]) => leak * (x - to_x) * (y - to_y),
+        None => leak * x * y - feed_x * y - feed_y * x,
+    }
+}
+
+/// The mean potentials that a node's links lead to, where its leak is that of capacitances.
+fn potential_of_links(leak: f32, feeds: [f32; 2]) -> Option<[f32; 2]> {
+    feeds.iter().all(|feed| leak > 0.5 * feed.abs()).then(|| feeds.map(|feed| feed / leak))
+}
+
+/// A solver that keeps the fields.
+pub trait RemoteFields: Debug + Send {
+    /// Takes over what changed. Nothing needs to happen before the next solve.
+    ///
+    /// # Errors
+    /// When the device is lost or its memory does not suffice.
+    fn update(&mut self, changes: Changes<'_>) -> Result<(), SolveError>;
+
+    /// Tells of a solve to come: what computes many fields at once may begin with all of which that is known.
+    fn announce(&mut self, allowed: Option<&[f64]>, max_iterations: usize) {
+        let _ = (allowed, max_iterations);
+    }
+
+    /// Improves the fields until no column's energy may fall by more than `allowed`, or after so many iterations. Where
+    /// nothing is known of energies yet, it is as far as single precision goes.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn solve(&mut self, allowed: Option<&[f64]>, max_iterations: usize)
+    -> Result<RemoteSolution, SolveError>;
+
+    /// The potentials of all nodes in one column.
+    ///
+    /// # Errors
+    /// When the device fails.
+    fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError>;
+
+    /// Another of these, in the same state.
+    ///
+    /// # Errors
+    /// When the device fails or has no room for it.
+    fn duplicate(&self) -> Result<Box<dyn RemoteFields>, SolveError>;
+}
+
+/// In place of a copy that could not be made: every call tells why.
+#[derive(Debug)]
+struct NotCopied(SolveError);
+
+impl RemoteFields for NotCopied {
+    fn update(&mut self, _changes: Changes<'_>) -> Result<(), SolveError> {
+        Err(self.0.clone())
+    }
+
+    fn solve(
+        &mut self,
+        _allowed: Option<&[f64]>,
+        _max_iterations: usize,
+    ) -> Result<RemoteSolution, SolveError> {
+        Err(self.0.clone())
+    }
+
+    fn potentials(&self, _column: usize) -> Result<Vec<f32>, SolveError> {
+        Err(self.0.clone())
+    }
+
+    fn duplicate(&self) -> Result<Box<dyn RemoteFields>, SolveError> {
+        Err(self.0.clone())
+    }
+}
+
+/// The fields of a lattice that are elsewhere.
+#[derive(Debug)]
+pub(crate) struct RemoteSolver {
+    remote: Box<dyn RemoteFields>,
+    columns: usize,
+    nodes: usize,
+    /// For each node the column that holds it at 1 V, if one does.
+    holders: Vec<Option<u32>>,
+    /// Potentials of electrodes' and objects' rows, row by row.
+    bodies: Vec<f64>,
+    /// By node and column.
+    feeds: BTreeMap<(u32, u32), f64>,
+    emptied: Vec<usize>,
+    /// What links add to energies that does not depend on potentials of nodes, less what [`of_links`] has of it.
+    constant: Vec<f64>,
+    /// Room for what changed.
+    rows: Vec<NodeRow>,
+    changed_feeds: Vec<Feed>,
+    /// Why an update failed: the next solve tells.
+    failed: Option<SolveError>,
+    /// Potentials that were asked for since the last solve.
+    read: Vec<OnceLock<Vec<f32>>>,
+}
+
+impl Clone for RemoteSolver {
+    fn clone(&self) -> Self {
+        let Self { columns, nodes, .. } = *self;
+        Self {
+            remote: self.remote.duplicate().unwrap_or_else(|error| Box::new(NotCopied(error))),
+            columns,
+            nodes,
+            holders: self.holders.clone(),
+            bodies: self.bodies.clone(),
+            feeds: self.feeds.clone(),
+            emptied: self.emptied.clone(),
+            constant: self.constant.clone(),
+            rows: Vec::new(),
+            changed_feeds: Vec::new(),
+            failed: self.failed.clone(),
+            read: vec![OnceLock::new(); columns],
+        }
+    }
+}
+
+impl RemoteSolver {
+    /// Zero fields, with so many rows behind those of the nodes.
+    pub(crate) fn new(remote: Box<dyn RemoteFields>, columns: usize, nodes: usize, bodies: usize) -> Self {
+        Self {
+            remote,
+            columns,
+            nodes,
+            holders: vec![None; nodes],
+            bodies: vec![0.0; bodies * columns],
+            feeds: BTreeMap::new(),
+            emptied: (0..columns).collect(),
+            constant: vec![0.0; columns * columns],
+            rows: Vec::new(),
+            changed_feeds: Vec::new(),
+            failed: None,
+            read: vec![OnceLock::new(); columns],
+        }
+    }
+
+    /// Notes what holds a row: 1 V in the column of its holder. Potentials of free nodes are the remote's own.
+    pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {
+        if let Some(body) = row.checked_sub(self.nodes) {
+            self.bodies[body * self.columns + column] = potential;
+        } else if potential == 1.0 {
+            self.holders[row] = Some(column as u32);
+        } else if self.holders[row] == Some(column as u32) {
+            self.holders[row] = None;
+        }
+    }
+
+    /// Starts a column from zero.
+    pub(crate) fn empty(&mut self, column: usize) {
+        if !self.emptied.contains(&column) {
+            self.emptied.push(column);
+        }
+    }
+
+    /// Tells of rows, and of all links.
+    pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
+        self.rows.clear();
+        self.rows.extend(changed.iter().map(|&node| {
+            let row = node as usize;
+            let holder = if fixed[row] { self.holders[row].unwrap_or(HELD_AT_ZERO) } else { NO_HOLDER };
+            let next = [0, 1, 2].map(|axis| matrix.lattice_weight(row, axis) as f32);
+            NodeRow { node, next, leak: matrix.link_weight(row) as f32, holder }
+        }));
+        self.collect_feeds(matrix);
+        let changes = Changes { rows: &self.rows, feeds: &self.changed_feeds, emptied: &self.emptied };
+        self.failed = self.remote.update(changes).err().or(self.failed.take());
+        self.emptied.clear();
+    }
+
+    fn collect_feeds(&mut self, matrix: &StiffnessMatrix) {
+        let mut feeds = BTreeMap::new();
+        self.constant.fill(0.0);
+        for (node, row, weight) in matrix.links() {
+            let potentials = &self.bodies[(row - self.nodes) * self.columns..][..self.columns];
+            for (s, of_s) in potentials.iter().enumerate().filter(|(_, potential)| **potential != 0.0) {
+                *feeds.entry((node as u32, s as u32)).or_default() += weight * of_s;
+                for (t, of_t) in potentials.iter().enumerate() {
+                    self.constant[s * self.columns + t] += weight * of_s * of_t;
+                }
+            }
+        }
+        self.changed_feeds.clear();
+        let feed = |(node, column): (u32, u32), charge: f64| Feed { node, column, charge: charge as f32 };
+        let gone =
+            self.feeds.keys().filter(|place| !feeds.contains_key(place)).map(|&place| feed(place, 0.0));
+        self.changed_feeds.extend(gone);
+        let is_new = |(place, charge): &(&(u32, u32), &f64)| self.feeds.get(place) != Some(charge);
+        self.changed_feeds.extend(feeds.iter().filter(is_new).map(|(&place, &charge)| feed(place, charge)));
+        self.feeds = feeds;
+        self.take_what_is_told(matrix);
+    }
+
+    /// Takes from the constant part what [`of_links`] of nodes has of it.
+    fn take_what_is_told(&mut self, matrix: &StiffnessMatrix) {
+        for (&(node, s), &of_s) in &self.feeds {
+            let leak = matrix.link_weight(node as usize) as f32;
+            for (&(_, t), &of_t) in self.feeds.range((node, 0)..=(node, u32::MAX)) {
+                if let Some([to_s, to_t]) = potential_of_links(leak, [of_s as f32, of_t as f32]) {
+                    let told = f64::from(leak) * f64::from(to_s) * f64::from(to_t);
+                    self.constant[s as usize * self.columns + t as usize] -= told;
+                }
+            }
+        }
+    }
+
+    /// Tells of a solve to come.
+    pub(crate) fn announce(&mut self, allowed: Option<&[f64]>, max_iterations: usize) {
+        self.remote.announce(allowed, max_iterations);
+    }
+
+    /// Improves the fields; energies come back with what links add.
+    pub(crate) fn solve(
+        &mut self,
+        allowed: Option<&[f64]>,
+        max_iterations: usize,
+    ) -> Result<RemoteSolution, SolveError> {
+        self.read.fill(OnceLock::new());
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
+        let mut solution = self.remote.solve(allowed, max_iterations)?;
+        solution.energies.iter_mut().zip(&self.constant).for_each(|(energy, constant)| *energy += constant);
+        match solution.energies.iter().position(|energy| !energy.is_finite()) {
+            Some(at) => {
+                Err(SolveError::NonFinite { column: at / self.columns, iteration: solution.iterations })
+            }
+            None => Ok(solution),
+        }
+    }
+
+    /// The potential of a row in one column. The nodes of a column are read back together; zeros where that fails, as the
+    /// next solve then does, too.
+    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
+        if let Some(body) = row.checked_sub(self.nodes) {
+            return self.bodies[body * self.columns + column];
+        }
+        let read = || self.remote.potentials(column).unwrap_or_else(|_| vec![0.0; self.nodes]);
+        f64::from(self.read[column].get_or_init(read)[row])
+    }
+}

@@ -1,0 +1,444 @@
+//! The buffers and kernels of some scenes on one mesh, and how a frame of them is computed: changes go in, capacitances come
+//! out, nothing else.
+
+use super::launch::{KERNELS, Kernel, Launch, Sharing};
+use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
+use super::shader;
+use crate::adapter::Adapter;
+use crate::error::RenderError;
+use bytemuck::{Pod, Zeroable};
+use std::time::Duration;
+
+/// Columns that can be told to start from zero.
+const MOST_COLUMNS: usize = 31;
+
+/// Iterations that are kept account of.
+pub(super) const MOST_ITERATIONS: u32 = 30;
+
+/// A frame that takes longer than this counts as a driver that hangs.
+const FRAME_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Launches are told apart by their place in a uniform buffer.
+const LAUNCH_STRIDE: u64 = 256;
+
+/// Words before the rows and feeds of all scenes: for each scene a header.
+const HEADER: usize = 8;
+const ROW: usize = 6;
+const FEED: usize = 3;
+
+/// The plan as the kernels have it.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct PlanUniform {
+    grids: [Grid; MOST_GRIDS],
+    levels: [Level; MOST_LEVELS],
+    transfers: [Transfer; MOST_LEVELS],
+    level_count: u32,
+    potential: u32,
+    image: u32,
+    feed: u32,
+    steps: [u32; 2],
+    leak: u32,
+    first_of_tail: u32,
+    network_len: u32,
+    vectors_len: u32,
+    scratch_len: u32,
+    allowed_at: u32,
+}
+
+/// What a frame changes in one scene, in words of the buffer that the kernels read.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SceneChanges {
+    pub(super) rows: Vec<[u32; ROW]>,
+    pub(super) feeds: Vec<[u32; FEED]>,
+    /// A bit for each column that is to start from zero.
+    pub(super) emptied: u32,
+}
+
+/// What came back of one scene.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SceneResult {
+    /// Of pairs s <= t of columns, row by row.
+    pub(super) energies: Vec<f64>,
+    /// The largest of residuals over charges.
+    pub(super) residual: f64,
+    pub(super) to_come: Vec<f64>,
+    pub(super) iterations: u32,
+}
+
+/// What frames cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Kernels launched.
+    pub launches: usize,
+    /// Bytes sent to the device, and read back from it.
+    pub sent: u64,
+    /// Bytes read back.
+    pub received: u64,
+    /// Bytes that kernels of the iterations must read and write at least.
+    pub moved: u64,
+}
+
+/// Some scenes on one mesh.
+#[derive(Debug)]
+pub(super) struct FieldDevice {
+    pub(super) adapter: Adapter,
+    pub(super) plan: Plan,
+    pub(super) sharing: Sharing,
+    pub(super) scenes: usize,
+    pipelines: Vec<wgpu::ComputePipeline>,
+    layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
+    launches: wgpu::Buffer,
+    uniform: wgpu::Buffer,
+    buffers: Buffers,
+    results_len: usize,
+    readback: wgpu::Buffer,
+    changes: Vec<u32>,
+}
+
+#[derive(Debug)]
+struct Buffers {
+    maps: wgpu::Buffer,
+    networks: wgpu::Buffer,
+    vectors: wgpu::Buffer,
+    holders: wgpu::Buffer,
+    scratch: wgpu::Buffer,
+    changes: wgpu::Buffer,
+    results: wgpu::Buffer,
+}
+
+impl FieldDevice {
+    /// Reserves memory for so many scenes and compiles the kernels.
+    ///
+    /// # Errors
+    /// When the mesh or the scenes exceed the adapter's limits or its memory, or it fails.
+    pub(super) fn new(adapter: Adapter, plan: Plan, scenes: usize) -> Result<Self, RenderError> {
+        if plan.columns > MOST_COLUMNS {
+            let (needed, limit) = (plan.columns as u64, MOST_COLUMNS as u64);
+            return Err(RenderError::LimitExceeded { what: "the number of terminals", needed, limit });
+        }
+        let groups = u64::from(adapter.limits.max_compute_workgroups_per_dimension);
+        if scenes as u64 > groups {
+            let needed = scenes as u64;
+            return Err(RenderError::LimitExceeded { what: "the number of scenes", needed, limit: groups });
+        }
+        let sharing = Sharing::of(&plan);
+        let (columns, teams) = (plan.columns, sharing.teams as usize);
+        let numbers = 2 * columns * columns + 2 * columns;
+        let results_len = numbers + columns + 1;
+        let records = (MOST_ITERATIONS as usize + 1) * columns * 4;
+        let scratch_len = 2 * teams * columns + teams * numbers + records;
+        let most_launches = sharing.launches(&plan, 0..MOST_ITERATIONS, 1, true).len() as u64;
+        use wgpu::BufferUsages as Usage;
+        let reserve = Reserve { adapter: &adapter };
+        let storage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+        let words = |len: usize| 4 * (len * scenes) as u64;
+        let buffers = Buffers {
+            maps: reserve.buffer("maps of the hierarchy", 4 * plan.maps.len().max(1) as u64, storage)?,
+            networks: reserve.buffer("networks", words(plan.network_len), storage)?,
+            vectors: reserve.buffer("vectors", words(plan.vectors_len), storage)?,
+            holders: reserve.buffer("holders", words(plan.nodes()), storage)?,
+            scratch: reserve.buffer("scratch", words(scratch_len), storage)?,
+            changes: reserve.buffer("changes", words(HEADER + columns), storage)?,
+            results: reserve.buffer("results", words(results_len), storage)?,
+        };
+        let uniforms = Usage::UNIFORM | Usage::COPY_DST;
+        let launches = reserve.buffer("launches", LAUNCH_STRIDE * most_launches, uniforms)?;
+        let uniform = reserve.buffer("plan", size_of::<PlanUniform>() as u64, uniforms)?;
+        let readback = reserve.buffer("readback", words(results_len), Usage::MAP_READ | Usage::COPY_DST)?;
+        adapter.queue.write_buffer(&buffers.maps, 0, bytemuck::cast_slice(&plan.maps));
+        adapter.queue.write_buffer(
+            &uniform,
+            0,
+            bytemuck::bytes_of(&told(&plan, &sharing, scratch_len, scenes)),
+        );
+        // A buffer starts as zeros, and zero is a column's number.
+        let free = vec![capsense_core::solver::NO_HOLDER; plan.nodes() * scenes];
+        adapter.queue.write_buffer(&buffers.holders, 0, bytemuck::cast_slice(&free));
+        let layout = bind_group_layout(&adapter.device);
+        let pipelines = pipelines(&adapter.device, &layout, &shader::source(columns, sharing.teams));
+        let group = bind_group(&adapter.device, &layout, &launches, &uniform, &buffers);
+        adapter.faults.check("preparing the kernels")?;
+        Ok(Self {
+            adapter,
+            plan,
+            sharing,
+            scenes,
+            pipelines,
+            layout,
+            group,
+            launches,
+            uniform,
+            buffers,
+            results_len,
+            readback,
+            changes: Vec::new(),
+        })
+    }
+
+    /// Tells the kernels of what changed in the scenes that are solved, and how far their energies may be from the least:
+    /// column by column.
+    ///
+    /// # Errors
+    /// When the changes are more than the device takes.
+    pub(super) fn send(
+        &mut self,
+        changes: &[SceneChanges],
+        allowed: &[f32],
+        is_solved: &[bool],
+    ) -> Result<u64, RenderError> {
+        let mut words = std::mem::take(&mut self.changes);
+        words.clear();
+        words.resize(HEADER * self.scenes, 0);
+        words.extend(allowed.iter().map(|allowed| allowed.to_bits()));
+        for (scene, (changes, &is_solved)) in changes.iter().zip(is_solved).enumerate() {
+            let rows_at = words.len();
+            words.extend(changes.rows.as_flattened());
+            let feeds_at = words.len();
+            words.extend(changes.feeds.as_flattened());
+            let counts =
+                [rows_at, changes.rows.len(), feeds_at, changes.feeds.len()].map(|count| count as u32);
+            words[HEADER * scene..][..4].copy_from_slice(&counts);
+            words[HEADER * scene + 4..][..2].copy_from_slice(&[changes.emptied, u32::from(is_solved)]);
+        }
+        let bytes = 4 * words.len() as u64;
+        if bytes > self.buffers.changes.size() {
+            let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+            let size = bytes.next_power_of_two().min(self.adapter.limits.max_storage_buffer_binding_size);
+            let reserve = Reserve { adapter: &self.adapter };
+            self.buffers.changes = reserve.buffer("changes", size.max(bytes), storage)?;
+            self.group =
+                bind_group(&self.adapter.device, &self.layout, &self.launches, &self.uniform, &self.buffers);
+        }
+        self.adapter.queue.write_buffer(&self.buffers.changes, 0, bytemuck::cast_slice(&words));
+        self.changes = words;
+        Ok(bytes)
+    }
+
+    /// Runs some iterations of all scenes, the first of them from what was sent, and reads back what they found.
+    ///
+    /// # Errors
+    /// When the driver fails or the device is lost.
+    pub(super) fn run(
+        &mut self,
+        iterations: std::ops::Range<u32>,
+        most_rows: usize,
+        empties: bool,
+    ) -> Result<(Vec<SceneResult>, Traffic), RenderError> {
+        let count = u64::from(iterations.end - iterations.start);
+        let launches = self.sharing.launches(&self.plan, iterations, most_rows as u32, empties);
+        let mut told = vec![0_u8; LAUNCH_STRIDE as usize * launches.len()];
+        for (bytes, (_, launch, _)) in told.chunks_exact_mut(LAUNCH_STRIDE as usize).zip(&launches) {
+            bytes[..size_of::<Launch>()].copy_from_slice(bytemuck::bytes_of(launch));
+        }
+        self.adapter.queue.write_buffer(&self.launches, 0, &told);
+        let mut encoder = self.adapter.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        for (number, (kernel, _, groups)) in launches.iter().enumerate() {
+            pass.set_pipeline(&self.pipelines[*kernel as usize]);
+            pass.set_bind_group(0, &self.group, &[(LAUNCH_STRIDE * number as u64) as u32]);
+            pass.dispatch_workgroups(*groups, self.scenes as u32, 1);
+        }
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&self.buffers.results, 0, &self.readback, 0, self.readback.size());
+        self.adapter.queue.submit([encoder.finish()]);
+        let words = read(&self.adapter, &self.readback, "reading capacitances back")?;
+        let traffic = Traffic {
+            launches: launches.len(),
+            sent: told.len() as u64,
+            received: self.readback.size(),
+            moved: count * self.sharing.bytes_per_iteration(&self.plan) * self.scenes as u64,
+        };
+        Ok((words.chunks_exact(self.results_len).map(|words| self.result(words)).collect(), traffic))
+    }
+
+    fn result(&self, words: &[f32]) -> SceneResult {
+        let columns = self.plan.columns;
+        let mut energies = vec![0.0; columns * columns];
+        for (s, t) in (0..columns).flat_map(|s| (s..columns).map(move |t| (s, t))) {
+            let at = 2 * (s * columns + t);
+            let energy = f64::from(words[at]) + f64::from(words[at + 1]);
+            (energies[s * columns + t], energies[t * columns + s]) = (energy, energy);
+        }
+        let (squares, rest) = words[2 * columns * columns..].split_at(2 * columns);
+        let (free, held) = squares.split_at(columns);
+        let ratios = free.iter().zip(held).filter(|(_, held)| **held > 0.0);
+        let residual = ratios.map(|(free, held)| f64::from(free / held).sqrt()).fold(0.0, f64::max);
+        let to_come = rest[..columns].iter().map(|&still| f64::from(still)).collect();
+        SceneResult { energies, residual, to_come, iterations: rest[columns] as u32 }
+    }
+
+    /// The potentials of all nodes of one scene in one column.
+    ///
+    /// # Errors
+    /// When the driver fails or the device is lost.
+    pub(super) fn potentials(&self, scene: usize, column: usize) -> Result<Vec<f32>, RenderError> {
+        let stride = self.plan.levels[0].stride as usize;
+        let first = scene * self.plan.vectors_len + self.plan.potential as usize + column * stride;
+        self.read_back(&self.buffers.vectors, first, self.plan.nodes())
+    }
+
+    fn read_back(&self, buffer: &wgpu::Buffer, first: usize, len: usize) -> Result<Vec<f32>, RenderError> {
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging = Reserve { adapter: &self.adapter }.buffer("staging", 4 * len as u64, usage)?;
+        let mut encoder = self.adapter.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 4 * first as u64, &staging, 0, 4 * len as u64);
+        self.adapter.queue.submit([encoder.finish()]);
+        read(&self.adapter, &staging, "reading potentials back")
+    }
+
+    /// All values of one scene's networks and vectors, for comparisons.
+    #[cfg(test)]
+    pub(super) fn buffers_of(&self, scene: usize) -> [Vec<f32>; 2] {
+        let read = |buffer, len: usize| self.read_back(buffer, scene * len, len).unwrap();
+        [
+            read(&self.buffers.networks, self.plan.network_len),
+            read(&self.buffers.vectors, self.plan.vectors_len),
+        ]
+    }
+}
+
+/// Waits for all that was submitted and takes a buffer's values.
+fn read(adapter: &Adapter, buffer: &wgpu::Buffer, doing: &'static str) -> Result<Vec<f32>, RenderError> {
+    let failed = |reason: String| RenderError::Driver { doing, reason };
+    // Whether mapping succeeded is told by `get_mapped_range`.
+    buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(FRAME_TIMEOUT) };
+    adapter.device.poll(wait).map_err(|error| failed(error.to_string()))?;
+    adapter.faults.check(doing)?;
+    let bytes = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
+    let values = bytemuck::try_cast_slice(&bytes).map_err(|error| failed(error.to_string()))?.to_vec();
+    drop(bytes);
+    buffer.unmap();
+    Ok(values)
+}
+
+/// Reserves graphics memory.
+struct Reserve<'a> {
+    adapter: &'a Adapter,
+}
+
+impl Reserve<'_> {
+    fn buffer(
+        &self,
+        label: &'static str,
+        size: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, RenderError> {
+        let Adapter { device, limits, .. } = self.adapter;
+        let limit = match usage.contains(wgpu::BufferUsages::STORAGE) {
+            true => limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
+            false => limits.max_buffer_size,
+        };
+        if size > limit {
+            return Err(RenderError::LimitExceeded { what: label, needed: size, limit });
+        }
+        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        let buffer = device.create_buffer(&descriptor);
+        match pollster::block_on(scope.pop()) {
+            Some(_) => Err(RenderError::OutOfMemory { what: label, needed: size }),
+            None => Ok(buffer),
+        }
+    }
+}
+
+fn told(plan: &Plan, sharing: &Sharing, scratch_len: usize, scenes: usize) -> PlanUniform {
+    let mut told = PlanUniform::zeroed();
+    told.grids[..plan.grids.len()].copy_from_slice(&plan.grids);
+    told.levels[..plan.levels.len()].copy_from_slice(&plan.levels);
+    told.transfers[..plan.transfers.len()].copy_from_slice(&plan.transfers);
+    PlanUniform {
+        level_count: plan.levels.len() as u32,
+        potential: plan.potential,
+        image: plan.image,
+        feed: plan.feed,
+        steps: plan.steps,
+        leak: plan.leak,
+        first_of_tail: sharing.tail as u32,
+        network_len: plan.network_len as u32,
+        vectors_len: plan.vectors_len as u32,
+        scratch_len: scratch_len as u32,
+        allowed_at: (HEADER * scenes) as u32,
+        ..told
+    }
+}
+
+/// Two uniform buffers, then storage: which of it kernels write to.
+const WRITTEN: [bool; 7] = [false, true, true, true, true, false, true];
+
+fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let uniforms = [true, false].map(|has_dynamic_offset| wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset,
+        min_binding_size: None,
+    });
+    let storage = WRITTEN.map(|written| wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: !written },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    });
+    let entry = |(binding, ty): (usize, wgpu::BindingType)| wgpu::BindGroupLayoutEntry {
+        binding: binding as u32,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty,
+        count: None,
+    };
+    let entries: Vec<_> = uniforms.into_iter().chain(storage).enumerate().map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("fields"),
+        entries: &entries,
+    })
+}
+
+fn bind_group(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    launches: &wgpu::Buffer,
+    uniform: &wgpu::Buffer,
+    buffers: &Buffers,
+) -> wgpu::BindGroup {
+    let launch = wgpu::BufferBinding {
+        buffer: launches,
+        offset: 0,
+        size: wgpu::BufferSize::new(size_of::<Launch>() as u64),
+    };
+    let Buffers { maps, networks, vectors, holders, scratch, changes, results } = buffers;
+    let storage = [uniform, maps, networks, vectors, holders, scratch, changes, results];
+    let resources = storage.map(wgpu::Buffer::as_entire_binding);
+    let resources = std::iter::once(wgpu::BindingResource::Buffer(launch)).chain(resources);
+    let entries: Vec<_> = resources
+        .enumerate()
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: binding as u32, resource })
+        .collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("fields"), layout, entries: &entries })
+}
+
+fn pipelines(
+    device: &wgpu::Device,
+    layout: &wgpu::BindGroupLayout,
+    source: &str,
+) -> Vec<wgpu::ComputePipeline> {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("fields"),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("fields"),
+        bind_group_layouts: &[Some(layout)],
+        immediate_size: 0,
+    });
+    let pipeline = |kernel: &Kernel| {
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(kernel.entry()),
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some(kernel.entry()),
+            compilation_options: Default::default(),
+            cache: None,
+        })
+    };
+    KERNELS.iter().map(pipeline).collect()
+}

@@ -1,0 +1,261 @@
+//! Scenes on a device as the simulator knows them: each has its own fields, and those of a batch are computed together.
+
+use super::device::{FieldDevice, MOST_ITERATIONS, SceneChanges, SceneResult, Traffic};
+use super::plan::Plan;
+use crate::adapter::Adapter;
+use crate::error::RenderError;
+use capsense_core::solver::{Changes, RemoteFields, RemoteProblem, RemoteSolution, SolveError};
+use std::collections::HashSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Iterations of a solve of which nothing is known yet, and of the first go of others at least.
+const UNKNOWN: u32 = 12;
+const LEAST: u32 = 2;
+
+/// Iterations that follow where those of the first go were not enough.
+const MORE: u32 = 2;
+
+/// The fields of some scenes that share a mesh, on one graphics device.
+///
+/// All scenes that were told of a solve to come ([`RemoteFields::announce`]) are computed by the same launches as the first
+/// that is solved for. What comes out for a scene has the same bits whatever others there are.
+#[derive(Clone, Debug)]
+pub struct GpuFields {
+    shared: Arc<Mutex<Shared>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    device: FieldDevice,
+    scenes: Vec<SceneState>,
+    traffic: Traffic,
+}
+
+/// What the host keeps of a scene.
+#[derive(Clone, Debug, Default)]
+struct SceneState {
+    changes: SceneChanges,
+    /// What was announced: how far energies may be from the least.
+    announced: Option<Vec<f32>>,
+    most_iterations: u32,
+    /// Iterations of the last solve.
+    last: u32,
+    solved: Option<Solved>,
+}
+
+#[derive(Clone, Debug)]
+struct Solved {
+    result: SceneResult,
+    launches: usize,
+}
+
+/// One scene of [`GpuFields`].
+#[derive(Debug)]
+struct SceneFields {
+    fields: GpuFields,
+    scene: usize,
+    columns: usize,
+}
+
+impl GpuFields {
+    /// Opens the fastest graphics adapter, a software one only if that will do, and reserves memory for so many scenes.
+    ///
+    /// # Errors
+    /// When there is no adapter or it cannot be opened, the mesh or the number of scenes exceeds its limits, or its memory
+    /// does not suffice.
+    pub fn new(problem: &RemoteProblem, scenes: usize, allow_software: bool) -> Result<Self, RenderError> {
+        let needs = (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
+        let adapter = Adapter::open("capsense fields", allow_software, needs)?;
+        let plan = Plan::new(problem).ok_or(RenderError::LimitExceeded {
+            what: "the number of values on the mesh",
+            needed: problem.lattice.node_counts().iter().product::<usize>() as u64,
+            limit: u64::from(u32::MAX),
+        })?;
+        let device = FieldDevice::new(adapter, plan, scenes)?;
+        let scenes = vec![SceneState::default(); scenes];
+        Ok(Self { shared: Arc::new(Mutex::new(Shared { device, scenes, traffic: Traffic::default() })) })
+    }
+
+    /// The fields of one scene, for one simulator, that needs so many columns: those of the problem at most.
+    ///
+    /// # Panics
+    /// When there is no such scene, or there are fewer columns.
+    pub fn scene(&self, scene: usize, columns: usize) -> Box<dyn RemoteFields> {
+        let shared = self.lock();
+        let (scenes, most) = (shared.scenes.len(), shared.device.plan.columns);
+        assert!(scene < scenes && columns <= most, "scene {scene} of {scenes}, {columns} of {most} columns");
+        Box::new(SceneFields { fields: self.clone(), scene, columns })
+    }
+
+    /// Name of the adapter and its driver.
+    pub fn description(&self) -> String {
+        self.lock().device.adapter.description.clone()
+    }
+
+    /// Whether the adapter is a software implementation running on the processor.
+    pub fn is_software(&self) -> bool {
+        self.lock().device.adapter.software
+    }
+
+    /// Launches and bytes of all solves since the last call.
+    pub fn take_traffic(&self) -> Traffic {
+        std::mem::take(&mut self.lock().traffic)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Shared> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives the device up, as a driver does that fails.
+    #[cfg(test)]
+    pub(super) fn destroy(&self) {
+        self.lock().device.adapter.device.destroy();
+    }
+
+    #[cfg(test)]
+    pub(super) fn buffers_of(&self, scene: usize) -> [Vec<f32>; 2] {
+        self.lock().device.buffers_of(scene)
+    }
+}
+
+impl Shared {
+    /// Solves all scenes that were announced.
+    fn solve(&mut self) -> Result<(), RenderError> {
+        let columns = self.device.plan.columns;
+        let is_solved: Vec<bool> = self.scenes.iter().map(|scene| scene.announced.is_some()).collect();
+        let nothing = vec![0.0; columns];
+        let allowed: Vec<f32> = self
+            .scenes
+            .iter()
+            .flat_map(|scene| scene.announced.as_ref().unwrap_or(&nothing).iter().copied())
+            .collect();
+        let take = |scene: &mut SceneState| match scene.announced {
+            Some(_) => std::mem::take(&mut scene.changes),
+            None => SceneChanges::default(),
+        };
+        let changes: Vec<SceneChanges> = self.scenes.iter_mut().map(take).collect();
+        let rows =
+            changes.iter().map(|changes| changes.rows.len().max(changes.feeds.len())).max().unwrap_or(0);
+        let empties = changes.iter().any(|changes| changes.emptied != 0);
+        let sent = self.device.send(&changes, &allowed, &is_solved)?;
+        let announced = || self.scenes.iter().filter(|scene| scene.announced.is_some());
+        let most = announced().map(|scene| scene.most_iterations).max().unwrap_or(0).min(MOST_ITERATIONS);
+        let first = announced().map(|scene| scene.last).max().unwrap_or(0).max(LEAST);
+        let mut iterations = 0..first.min(most);
+        let mut total = Traffic { sent, ..Traffic::default() };
+        loop {
+            let (results, traffic) = self.device.run(iterations.clone(), rows, empties)?;
+            total.launches += traffic.launches;
+            total.sent += traffic.sent;
+            total.received += traffic.received;
+            total.moved += traffic.moved;
+            let scenes = self.scenes.iter_mut().zip(results).filter(|(scene, _)| scene.announced.is_some());
+            let mut goes_on = false;
+            for (scene, result) in scenes {
+                let allowed = scene.announced.as_deref().unwrap_or(&[]);
+                let is_enough = |(still, allowed): (&f64, &f32)| *still <= f64::from(*allowed);
+                goes_on |= !result.to_come.iter().zip(allowed).all(is_enough)
+                    && result.iterations < scene.most_iterations;
+                scene.last = result.iterations;
+                scene.solved = Some(Solved { result, launches: total.launches });
+            }
+            if !goes_on || iterations.end >= most {
+                break;
+            }
+            iterations = iterations.end..(iterations.end + MORE).min(most);
+        }
+        self.scenes.iter_mut().for_each(|scene| scene.announced = None);
+        self.traffic.launches += total.launches;
+        self.traffic.sent += total.sent;
+        self.traffic.received += total.received;
+        self.traffic.moved += total.moved;
+        Ok(())
+    }
+}
+
+impl SceneState {
+    fn announce(&mut self, allowed: Option<&[f64]>, max_iterations: usize, columns: usize) {
+        let most = u32::try_from(max_iterations).unwrap_or(u32::MAX).min(MOST_ITERATIONS);
+        // Columns that the scene does not need are no reason to go on.
+        let padded = |allowed: &[f64]| {
+            let known = allowed.iter().map(|&allowed| allowed.min(f64::from(f32::MAX)) as f32);
+            known.chain(std::iter::repeat(f32::MAX)).take(columns).collect()
+        };
+        (self.announced, self.most_iterations) = match allowed {
+            Some(allowed) => (Some(padded(allowed)), most),
+            None => (Some(vec![0.0; columns]), most.min(UNKNOWN)),
+        };
+    }
+
+    /// Later rows and feeds replace earlier ones, as kernels take them in no order.
+    fn take(&mut self, changes: &Changes<'_>) {
+        let SceneChanges { rows, feeds, emptied } = &mut self.changes;
+        if !rows.is_empty() {
+            rows.retain(|row| changes.rows.binary_search_by_key(&row[0], |new| new.node).is_err());
+        }
+        if !feeds.is_empty() {
+            let is_new =
+                |feed: &[u32; 3]| changes.feeds.iter().any(|new| [new.node, new.column] == feed[..2]);
+            feeds.retain(|feed| !is_new(feed));
+        }
+        rows.extend(changes.rows.iter().map(|row| {
+            let [x, y, z] = row.next.map(f32::to_bits);
+            [row.node, x, y, z, row.leak.to_bits(), row.holder]
+        }));
+        feeds.extend(changes.feeds.iter().map(|feed| [feed.node, feed.column, feed.charge.to_bits()]));
+        for &column in changes.emptied {
+            *emptied |= 1 << column;
+        }
+    }
+}
+
+impl RemoteFields for SceneFields {
+    fn update(&mut self, changes: Changes<'_>) -> Result<(), SolveError> {
+        self.fields.lock().scenes[self.scene].take(&changes);
+        Ok(())
+    }
+
+    fn announce(&mut self, allowed: Option<&[f64]>, max_iterations: usize) {
+        let mut shared = self.fields.lock();
+        let columns = shared.device.plan.columns;
+        shared.scenes[self.scene].solved = None;
+        shared.scenes[self.scene].announce(allowed, max_iterations, columns);
+    }
+
+    fn solve(
+        &mut self,
+        allowed: Option<&[f64]>,
+        max_iterations: usize,
+    ) -> Result<RemoteSolution, SolveError> {
+        let mut shared = self.fields.lock();
+        if shared.scenes[self.scene].solved.is_none() {
+            let columns = shared.device.plan.columns;
+            shared.scenes[self.scene].announce(allowed, max_iterations, columns);
+            shared.solve().map_err(|error| SolveError::Device { reason: error.to_string() })?;
+        }
+        let Solved { result, launches } = shared.scenes[self.scene]
+            .solved
+            .take()
+            .unwrap_or(Solved { result: SceneResult::default(), launches: 0 });
+        let all = shared.device.plan.columns;
+        let row = |s: usize| &result.energies[s * all..][..self.columns];
+        Ok(RemoteSolution {
+            energies: (0..self.columns).flat_map(row).copied().collect(),
+            to_come: result.to_come[..self.columns].to_vec(),
+            iterations: result.iterations as usize,
+            residual: result.residual,
+            launches,
+        })
+    }
+
+    fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {
+        let shared = self.fields.lock();
+        let potentials = shared.device.potentials(self.scene, column);
+        potentials.map_err(|error| SolveError::Device { reason: error.to_string() })
+    }
+
+    fn duplicate(&self) -> Result<Box<dyn RemoteFields>, SolveError> {
+        let reason = "fields on a device are not copied: make another simulator, or a batch".to_owned();
+        Err(SolveError::Device { reason })
+    }
+}

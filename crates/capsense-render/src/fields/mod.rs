@@ -1,0 +1,22 @@
+//! Fields on a graphics device: conjugate gradients with geometric multigrid on lattices, one scene or many at once.
+//!
+//! [`GpuFields`] is what [`Simulator::with_remote`](capsense_core::simulator::Simulator::with_remote) takes. The processor
+//! finds out what objects change and sends the rows that differ; only energies come back. Potentials are in single
+//! precision, energies are sums that keep what rounding takes from them: errors of capacitances are quadratic in those of
+//! potentials, so both are far below a tolerance of 1e-5. `twin.rs` is the same arithmetic on the processor; tests compare
+//! the two step by step.
+
+mod device;
+mod gpu;
+mod iteration;
+mod launch;
+mod plan;
+mod rules;
+mod shader;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+mod twin;
+
+pub use device::Traffic;
+pub use gpu::GpuFields;
