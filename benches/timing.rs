@@ -6,6 +6,9 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
+#[path = "../src/quiet_graphics.rs"]
+mod quiet_graphics;
+
 use capsense::evidence::measure::measure;
 use capsense::evidence::reference::{BUILT_IN, Provenance, Reference, ReferenceMethod};
 use capsense::evidence::stage::{SEGMENTS, Stage};
@@ -19,17 +22,8 @@ fn out() -> PathBuf {
     arguments.next().map_or_else(|| PathBuf::from("target/criterion"), PathBuf::from)
 }
 
-/// As in the program: without a session's runtime folder, Mesa's device selection complains about a display that nobody opens.
-fn keep_the_graphics_stack_quiet() {
-    let unset = |name| std::env::var_os(name).is_none();
-    if unset("XDG_RUNTIME_DIR") && unset("NODEVICE_SELECT") {
-        // SAFETY: the first thing the program does; no other thread exists that could read the environment.
-        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
-    }
-}
-
 fn main() {
-    keep_the_graphics_stack_quiet();
+    quiet_graphics::keep_the_graphics_stack_quiet();
     let is_test = std::env::args().any(|argument| argument == "--test");
     let stage = Stage::new(&SEGMENTS).unwrap();
     let wanted = Provenance::of(&stage, ReferenceMethod::STANDARD);

@@ -1,7 +1,7 @@
 //! Error bars beside capacitances: some frames are computed once more, on a mesh with all spacings halved.
 //!
 //! The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and
-//! a pipeline without it is as fast as if there were none. Bars tell of the mesh and of the unfinished iteration, not of what
+//! a pipeline without it is as fast as if there were none. On it surfaces cut edges, whatever the scene's interface model. Bars tell of the mesh and of the unfinished iteration, not of what
 //! a camera's pixels leave out, nor of materials and places that are not as the scene says.
 
 use crate::pipeline::{Frame, Pipeline, PipelineError};
@@ -9,6 +9,7 @@ use crate::scene::{Scene, SceneSensor};
 use capsense_core::estimate::{ErrorBars, HalvedMesh, halved_lattice};
 use capsense_core::glam::DVec3;
 use capsense_core::mesh::TetMesh;
+use capsense_core::occupancy::Interface;
 use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorError, Terminal, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
@@ -54,12 +55,13 @@ impl ErrorEstimator {
         let materials = scene.objects.iter().map(|object| object.material).collect();
         let options = SolverOptions {
             tolerance: TOLERANCE * scene.solver.tolerance,
+            change_tolerance: scene.solver.change_tolerance.map(|tolerance| TOLERANCE * tolerance),
             preconditioner: Preconditioner::Multigrid,
             ..scene.solver
         };
         let every = (COST_OF_NODE * nodes[1] / nodes[0] / SHARE).ceil() as usize;
         Ok(Some(Self {
-            halved: Simulator::with_interface(halved, materials, options, scene.interface)?,
+            halved: Simulator::with_interface(halved, materials, options, Interface::EdgeCut)?,
             every,
             first: every.min(scene.frames) / 2,
         }))

@@ -344,6 +344,13 @@ const CASES: &[Case] = &[
     case("tolerance = 1e-4", "tolerance = 1", "tolerance", "solver.tolerance", "between 0 and 1"),
     case("tolerance = 1e-4", "tolerance = nan", "tolerance", "solver.tolerance", "must be finite"),
     case("tolerance = 1e-4", "tolerance = 1e-15", "tolerance", "solver.tolerance", "must be at least 1e-14"),
+    case(
+        "tolerance = 1e-4",
+        "tolerance = 1e-4\nchange_tolerance = 1",
+        "change_tolerance",
+        "solver.change_tolerance",
+        "between 0 and 1",
+    ),
     case("threads = 0", "threads = -1", "threads", "solver.threads", "must be from 0"),
     // Meshes for a tolerance.
     case(

@@ -93,6 +93,9 @@ fn variants_of_the_contract_are_understood() {
     assert!(one_layer.back_fill, "one layer has no back");
     assert!(parse(&SCENE.replace("back_fill = false", "back_fill = true")).back_fill);
     assert!(parse(&SCENE.replace("threads = 0", "threads = 8")).threads == 8);
+    assert_eq!(parse(SCENE).solver.change_tolerance, None);
+    let of_changes = parse(&SCENE.replace("threads = 0", "threads = 0\nchange_tolerance = 0.01"));
+    assert_eq!(of_changes.solver.change_tolerance, Some(0.01));
     for interface in [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction] {
         let text = SCENE.replace("\"edge-cut\"", &format!("{:?}", interface.name()));
         assert_eq!(parse(&text).interface, interface);

@@ -4,6 +4,7 @@
 
 mod common;
 
+use capsense::core::occupancy::Interface;
 use capsense::evidence::stress::{Cell, Ladder, Map, Measured, Method, Outcome, Status, Stress};
 use common::{SCENE, capsense};
 
@@ -33,9 +34,34 @@ fn none_of_our_solvers_is_wrong_without_notice() {
         }
         let [tolerance, error]: [f64; 2] = [7, 8].map(|index| record[index].parse().unwrap());
         assert!(error <= 3.0 * tolerance, "{record:?}");
+        assert_ne!(&record[5], "wrong", "{record:?}");
         fields += 1;
     }
     assert!(fields > 500, "{fields}");
+}
+
+/// Bars tell of all errors of our own methods, and are not told so large that they would tell nothing.
+#[test]
+fn error_bars_of_all_interface_models_are_as_large_as_errors() {
+    for interface in [Interface::EdgeCut, Interface::VolumeFraction, Interface::Centroid] {
+        let (mut errors, mut bars, mut held) = (Vec::new(), Vec::new(), 0);
+        for record in csv::Reader::from_reader(COMMITTED).records() {
+            let record = record.unwrap();
+            // Solvers differ by next to nothing, so one tells as much as all on a lattice, and one off it.
+            let is_one = ["direct", "multigrid, any mesh"].contains(&&record[3]);
+            if &record[2] == interface.name() && is_one && !record[10].is_empty() {
+                let [error, bar]: [f64; 2] = [9, 10].map(|index| record[index].parse().unwrap());
+                held += usize::from(error <= bar);
+                errors.push(error);
+                bars.push(bar);
+            }
+        }
+        let rms = |of: &[f64]| (of.iter().map(|part| part * part).sum::<f64>() / of.len() as f64).sqrt();
+        let (ratio, held) = (rms(&bars) / rms(&errors), held as f64 / errors.len() as f64);
+        println!("{}: {ratio:.2} times, {held:.2} of {} held", interface.name(), errors.len());
+        assert!((1.0..3.0).contains(&ratio), "{}: {ratio}", interface.name());
+        assert!(held > 0.8 && errors.len() > 20, "{}: {held} of {}", interface.name(), errors.len());
+    }
 }
 
 fn cell(outcome: Outcome) -> Cell {
@@ -43,8 +69,12 @@ fn cell(outcome: Outcome) -> Cell {
 }
 
 fn measured(iterations: usize, solver_error: f64, model_error: Option<f64>) -> Cell {
+    barred(iterations, solver_error, model_error, None)
+}
+
+fn barred(iterations: usize, solver_error: f64, model_error: Option<f64>, error_bar: Option<f64>) -> Cell {
     let tolerance = 1e-5;
-    cell(Outcome::Measured(Measured { iterations, tolerance, solver_error, model_error, error_bar: None }))
+    cell(Outcome::Measured(Measured { iterations, tolerance, solver_error, model_error, error_bar }))
 }
 
 #[test]
@@ -52,9 +82,15 @@ fn fields_are_judged_by_what_is_wrong_with_them() {
     for (cell, status, words) in [
         (measured(7, 2.9e-5, Some(0.24)), Some(Status::Ok), "7"),
         (measured(101, 2.9e-5, None), Some(Status::Slow), "101"),
-        (measured(7, 4.2e-5, None), Some(Status::Inaccurate), "4t"),
-        (measured(7, f64::NAN, None), Some(Status::Inaccurate), "NaNt"),
-        (measured(101, 0.0, Some(0.5)), Some(Status::Inaccurate), "50%"),
+        (measured(7, 4.2e-5, None), Some(Status::Wrong), "4t"),
+        (barred(7, 4.2e-5, Some(0.5), Some(0.6)), Some(Status::Wrong), "4t"),
+        (measured(7, f64::NAN, None), Some(Status::Wrong), "NaNt"),
+        (measured(7, f64::INFINITY, None), Some(Status::Wrong), "∞"),
+        (measured(101, 0.0, Some(0.5)), Some(Status::Wrong), "50%"),
+        (barred(7, 0.0, Some(0.5), Some(0.49)), Some(Status::Wrong), "50%"),
+        (barred(101, 0.0, Some(0.5), Some(0.51)), Some(Status::Inaccurate), "50%"),
+        (barred(7, 0.0, Some(0.24), Some(0.1)), Some(Status::Ok), "7"),
+        (barred(7, 0.0, Some(f64::NAN), Some(0.1)), Some(Status::Wrong), "7"),
         (cell(Outcome::Refused("no".to_owned())), Some(Status::Refused), "×"),
         (cell(Outcome::NotOffered), None, "–"),
     ] {
@@ -76,7 +112,7 @@ fn a_field_that_is_worse_or_missing_is_found() {
     // Better ones are no fault, and what is on another ladder is not missed.
     assert_eq!(good.worse_than(&slow.to_csv().unwrap(), Ladder::Full).unwrap(), []);
     let nothing = Map { cells: vec![] };
-    assert_eq!(nothing.worse_than(&table, Ladder::Full).unwrap()[0].is, Status::Inaccurate);
+    assert_eq!(nothing.worse_than(&table, Ladder::Full).unwrap()[0].is, Status::Wrong);
     assert_eq!(nothing.worse_than(&table, Ladder::Reduced).unwrap(), []);
     assert!(
         good.worse_than(b"stress,level,interface,solver,precision,status\na,b,c,d,e,f\n", Ladder::Full)

@@ -11,6 +11,7 @@ use capsense::core::estimate::halved_lattice;
 use capsense::core::geometry::{Aabb, Pose, Shape};
 use capsense::core::glam::{DVec2, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
+use capsense::core::occupancy::Interface;
 use capsense::core::sensor::{Sensor, SensorDesign, Substrate, Wall};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
@@ -104,22 +105,28 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
         println!("| {name} | {tets} | {} | {} |", of_c.cells(), of_change.cells());
     };
     let references = References::load()?;
-    let with_stripes = |name: &str, [sensor, halved]: [Sensor; 2]| -> Result<()> {
+    let with_stripes = |name: &str, interface: Interface, [sensor, halved]: [Sensor; 2]| -> Result<()> {
         for (connection, material) in CONNECTIONS {
-            let compared = of_stripes([&sensor, &halved], (connection, material), &bodies, &references)?;
+            let compared =
+                of_stripes([&sensor, &halved], interface, (connection, material), &bodies, &references)?;
             row(&format!("{name}, {connection} bodies"), &sensor, &compared);
         }
         Ok(())
     };
     for &size in sizes {
-        with_stripes("stripes", pair(&stripes(), size)?)?;
+        with_stripes("stripes", Interface::EdgeCut, pair(&stripes(), size)?)?;
+    }
+    for interface in [Interface::VolumeFraction, Interface::Centroid] {
+        for &size in sizes {
+            with_stripes(&format!("stripes, `{}`", interface.name()), interface, pair(&stripes(), size)?)?;
+        }
     }
     if let Some(path) = &arguments.scene {
         let scene = Scene::load(path)?;
         let sensor = scene.build_sensor()?;
         let halved = halved_sensor(&scene, &sensor)?;
         let name = path.file_name().context("the scene is no file")?.to_string_lossy();
-        with_stripes(&name, [sensor, halved])?;
+        with_stripes(&name, scene.interface, [sensor, halved])?;
     }
     let mut all = [Comparison::default(), Comparison::default()];
     for plate in plates()? {
@@ -140,22 +147,27 @@ pub(crate) fn pair(design: &SensorDesign, tets: usize) -> Result<[Sensor; 2]> {
     Ok([Sensor::on_lattice(design, &lattice)?, Sensor::on_lattice(design, &halved_lattice(&lattice)?)?])
 }
 
-/// A simulator on the mesh and one on the halved mesh.
-fn simulators(sensors: [&Sensor; 2], connection: Connection) -> Result<[Simulator; 2]> {
+/// A simulator on the mesh and one on the halved mesh, on which surfaces cut edges.
+fn simulators(
+    [own, halved]: [&Sensor; 2],
+    interface: Interface,
+    connection: Connection,
+) -> Result<[Simulator; 2]> {
     let options = SolverOptions { tolerance: TOLERANCE, ..SolverOptions::default() };
-    let new =
-        |sensor: &Sensor| Simulator::new(sensor.clone(), vec![Material::Conductor(connection)], options);
-    Ok([new(sensors[0])?, new(sensors[1])?])
+    let material = vec![Material::Conductor(connection)];
+    let own = Simulator::with_interface(own.clone(), material.clone(), options, interface)?;
+    Ok([own, Simulator::new(halved.clone(), material, options)?])
 }
 
 /// Of C, and of its changes, with each of some bodies.
 pub(crate) fn of_stripes(
     sensors: [&Sensor; 2],
+    interface: Interface,
     (name, connection): (&str, Connection),
     bodies: &[Body],
     references: &References,
 ) -> Result<[Comparison; 2]> {
-    let [mut own, mut halved] = simulators(sensors, connection)?;
+    let [mut own, mut halved] = simulators(sensors, interface, connection)?;
     let empty = references.empty()?;
     let mut compared = [Comparison::default(), Comparison::default()];
     for body in bodies {
@@ -240,7 +252,7 @@ impl PlateInBox {
 
     /// Of C, and of its changes, with bodies at all heights.
     pub(crate) fn compare(&self, sensors: [&Sensor; 2]) -> Result<[Comparison; 2]> {
-        let [mut own, mut halved] = simulators(sensors, Connection::Grounded)?;
+        let [mut own, mut halved] = simulators(sensors, Interface::EdgeCut, Connection::Grounded)?;
         let body = Shape::Box { size: DVec3::new(4.0 * WALL, 4.0 * WALL, 2.0 * WALL) };
         let mut solids = Solids::new(&[body])?;
         let empty = self.reference(WALL);

@@ -11,6 +11,8 @@ mod fit;
 mod limbs;
 mod map;
 mod minimum;
+#[path = "../../src/quiet_graphics.rs"]
+mod quiet_graphics;
 mod recordings;
 
 use clap::{Parser, Subcommand};
@@ -30,6 +32,7 @@ enum Command {
 }
 
 fn main() -> anyhow::Result<()> {
+    quiet_graphics::keep_the_graphics_stack_quiet();
     match Arguments::parse().command {
         Command::Fit(arguments) => fit::fit(&arguments),
         Command::Limbs(arguments) => limbs::limbs(&arguments),

@@ -43,7 +43,7 @@ impl ContactLog {
         let unresolved = |(&object, frame): (&usize, &usize)| {
             format!(
                 "{}: in frame {frame} object `{}` is too thin or too small for the mesh: what it does is missing in the \
-                 capacitances, and error bars do not show it",
+                 capacitances, and error bars may not show it",
                 scene.source.file(),
                 scene.objects[object].name
             )

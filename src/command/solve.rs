@@ -111,7 +111,9 @@ fn readable(scene: &Scene, pipeline: &Pipeline, frame: &Frame, bars: Option<&Err
     });
     if !scene.objects.is_empty() {
         let change = frame.capacitance.minus(pipeline.simulator().base());
-        let unit = Prefix::for_magnitude(largest(&change));
+        // Nothing may be left of a body, and all of it in the bars.
+        let bar = bars.map_or(0.0, |bars| largest(&bars.change));
+        let unit = Prefix::for_magnitude(largest(&change).max(bar));
         text += &format!("\nChange by the objects in {}:\n", unit.symbol);
         text += &matrix(names, |row, column| {
             let error = bars.map(|bars| format!(" ± {:.4}", unit.of(bars.change.get(row, column))));

@@ -13,7 +13,8 @@ use std::path::PathBuf;
 ///
 /// Interface models, solvers and precisions against what breaks them: strong and weak dielectrics, slivers, narrow gaps,
 /// cells that differ in size, thousands of frames, tolerances, thin and floating bodies, meshes without ground. Each field
-/// of the map is ok, slow, refused with a message, or inaccurate. Takes some minutes.
+/// of the map is ok, slow, refused with a message, inaccurate within its error bar, or wrong without notice. Takes some
+/// minutes.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:\n  capsense stress --out results")]
 pub(super) struct StressArguments {

@@ -208,6 +208,9 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
             format!("must be at least {FINEST_TOLERANCE:e}, which is rounding, but is {tolerance:e}");
         return check.error("solver.tolerance", message);
     }
+    let change_tolerance = raw.solver.change_tolerance;
+    let change_tolerance =
+        change_tolerance.map(|tolerance| check.fraction("solver.change_tolerance", tolerance)).transpose()?;
     let preconditioner = match raw.solver.preconditioner {
         Some(RawPreconditioner::Multigrid) => Preconditioner::Multigrid,
         Some(RawPreconditioner::Ic0) => Preconditioner::Ic0,
@@ -242,6 +245,7 @@ fn validate(check: Checker<'_>, raw: &RawScene) -> Result<Scene, SceneError> {
         frames,
         solver: SolverOptions {
             tolerance,
+            change_tolerance,
             preconditioner,
             threads: (threads > 0).then_some(threads),
             ..defaults

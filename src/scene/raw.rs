@@ -244,6 +244,7 @@ pub(super) enum RawInterface {
 #[serde(deny_unknown_fields)]
 pub(super) struct RawSolver {
     pub(super) tolerance: Option<f64>,
+    pub(super) change_tolerance: Option<f64>,
     pub(super) preconditioner: Option<RawPreconditioner>,
     pub(super) threads: Option<i64>,
     pub(super) device: Option<RawDevice>,

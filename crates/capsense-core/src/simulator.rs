@@ -330,7 +330,9 @@ impl Simulator {
     }
 
     /// Error bars of [`Simulator::capacitance`] and of its change from [`Simulator::base`]: from the mesh, as `halved` shows
-    /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration.
+    /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration. Whatever this
+    /// simulator's interface model, surfaces are to cut edges on the halved mesh ([`Interface::EdgeCut`]): the other models fill
+    /// whole elements, and would be wrong by nearly as much there.
     ///
     /// # Panics
     /// When the other simulator has another number of electrodes.
@@ -363,8 +365,8 @@ impl Simulator {
 
     /// Objects that the mesh is too coarse for, in increasing order: strong dielectrics thinner than cells, bodies that fill
     /// no element where elements are filled, and all that lie between edges. What they do is missing in the capacitances, and
-    /// [`Simulator::error_bars`] do not show it, as the halved mesh hardly sees more. To be asked for now and then: it looks at
-    /// all edges near objects.
+    /// [`Simulator::error_bars`] may not show it, as the halved mesh hardly sees more. To be asked for now and then: it looks at
+    /// all edges near objects, and allocates a list of them.
     pub fn unresolved(&self, surfaces: &impl Surfaces) -> Vec<usize> {
         let weights = self.matrix.network().weights();
         unresolved(self.edge_geometry(), weights, self.interface, &self.materials, surfaces)

@@ -12,7 +12,7 @@ use capsense_core::occupancy::Interface;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
-use common::{FLOATING, GROUNDED, both, dielectric, stripes_sensor, to};
+use common::{FLOATING, GROUNDED, both, dielectric, on_three_meshes, stripes_sensor, to};
 
 const INTERFACES: [Interface; 3] = [Interface::EdgeCut, Interface::Centroid, Interface::VolumeFraction];
 
@@ -50,6 +50,41 @@ fn plates_thinner_than_cells_are_told_where_they_are_lost() {
                     assert!(degrees > 0.0 || !told(0.3, 0.2), "thick, {case}");
                     assert!(!told(1e-3, 2.0), "out of the domain, {case}");
                 }
+            }
+        }
+    }
+}
+
+/// What a mesh sees of a body follows from its nodes, not from how often its edges are looked at.
+#[test]
+fn plates_as_thick_as_cells_are_told_alike_on_and_off_lattices() {
+    let sensors = both(stripes_sensor(9_000));
+    let mut told = 0;
+    for thickness in [0.005, 0.01, 0.02, 0.04, 0.06] {
+        for interface in INTERFACES {
+            for material in [dielectric(80.0), GROUNDED] {
+                let solids = plate(thickness, DVec3::new(0.0, 0.0, 0.0437), 0.0);
+                let [off_lattice, lattice] =
+                    [0, 1].map(|k| is_unresolved(&sensors[k], interface, material, &solids));
+                assert_eq!(off_lattice, lattice, "{interface:?} {material:?}, {thickness} m");
+                told += usize::from(lattice);
+            }
+        }
+    }
+    assert!((6..24).contains(&told), "{told} of 30");
+}
+
+/// Flat elements have edges that weigh anything.
+#[test]
+fn slivers_do_not_make_bodies_thin() {
+    let [_, slivers, lattice] = on_three_meshes(&stripes_sensor(9_000));
+    for thickness in [0.001, 0.005, 0.02, 0.04, 0.06, 0.1] {
+        for interface in INTERFACES {
+            for material in [dielectric(80.0), GROUNDED] {
+                let solids = plate(thickness, DVec3::new(0.0, 0.0, 0.0437), 0.0);
+                let [of_slivers, of_lattice] =
+                    [&slivers, &lattice].map(|sensor| is_unresolved(sensor, interface, material, &solids));
+                assert_eq!(of_slivers, of_lattice, "{interface:?} {material:?}, {thickness} m");
             }
         }
     }

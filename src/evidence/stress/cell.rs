@@ -22,13 +22,15 @@ pub enum Status {
     Slow,
     /// No result, but an error or a warning that says why.
     Refused,
-    /// A result that is wrong.
+    /// A result that is wrong by no more than its error bar says.
     Inaccurate,
+    /// A result that is wrong without notice.
+    Wrong,
 }
 
 impl Status {
     /// All of them, from good to bad.
-    pub const ALL: [Self; 4] = [Self::Ok, Self::Slow, Self::Refused, Self::Inaccurate];
+    pub const ALL: [Self; 5] = [Self::Ok, Self::Slow, Self::Refused, Self::Inaccurate, Self::Wrong];
 
     /// From 0 for the best.
     pub fn rank(self) -> usize {
@@ -42,6 +44,7 @@ impl Status {
             Self::Slow => "slow",
             Self::Refused => "refused",
             Self::Inaccurate => "inaccurate",
+            Self::Wrong => "wrong",
         }
     }
 }
@@ -57,7 +60,7 @@ pub struct Measured {
     pub solver_error: f64,
     /// Largest difference of changes by objects to those on a fine mesh, in parts of the largest change.
     pub model_error: Option<f64>,
-    /// The error bar of that change, where there is one.
+    /// The error bar of the largest change in the same parts, where there is one.
     pub error_bar: Option<f64>,
 }
 
@@ -93,6 +96,11 @@ impl Measured {
     pub fn is_mismodelled(&self) -> bool {
         self.model_error.is_some_and(|error| error.is_nan() || error > MODEL)
     }
+
+    /// Whether the error bar says that changes may be as wrong as they are.
+    pub fn is_told(&self) -> bool {
+        self.model_error.zip(self.error_bar).is_some_and(|(error, bar)| error <= bar)
+    }
 }
 
 impl Cell {
@@ -101,7 +109,10 @@ impl Cell {
         match &self.outcome {
             Outcome::NotOffered => None,
             Outcome::Refused(_) => Some(Status::Refused),
-            Outcome::Measured(m) if m.is_unsolved() || m.is_mismodelled() => Some(Status::Inaccurate),
+            Outcome::Measured(m) if m.is_unsolved() => Some(Status::Wrong),
+            Outcome::Measured(m) if m.is_mismodelled() => {
+                Some(if m.is_told() { Status::Inaccurate } else { Status::Wrong })
+            }
             Outcome::Measured(m) if m.iterations > SLOW => Some(Status::Slow),
             Outcome::Measured(_) => Some(Status::Ok),
         }
@@ -116,6 +127,9 @@ impl fmt::Display for Cell {
             Outcome::Refused(_) => f.write_str("×"),
             Outcome::Measured(m) if m.is_unsolved() => {
                 let times = m.solver_error / m.tolerance;
+                if times.is_infinite() {
+                    return f.write_str("∞");
+                }
                 if times < 1000.0 { write!(f, "{times:.0}t") } else { write!(f, "{times:.0e}t") }
             }
             Outcome::Measured(Measured { model_error: Some(error), .. }) if *error > MODEL => {

@@ -36,7 +36,8 @@ fn colours(status: Status) -> (RGBColor, RGBColor) {
         Status::Ok => (RGBColor(214, 236, 245), INK),
         Status::Slow => (RGBColor(244, 208, 96), INK),
         Status::Refused => (RGBColor(120, 128, 138), WHITE),
-        Status::Inaccurate => (RGBColor(196, 72, 20), WHITE),
+        Status::Inaccurate => (RGBColor(233, 147, 82), INK),
+        Status::Wrong => (RGBColor(142, 22, 28), WHITE),
     }
 }
 
@@ -44,12 +45,10 @@ fn colours(status: Status) -> (RGBColor, RGBColor) {
 fn meaning(status: Status) -> String {
     match status {
         Status::Ok => "ok: iterations".to_owned(),
-        Status::Slow => format!("slow: right after more than {SLOW} iterations"),
+        Status::Slow => format!("slow: more than {SLOW} iterations"),
         Status::Refused => "refused: an error or a warning says why".to_owned(),
-        Status::Inaccurate => format!(
-            "inaccurate: % of the change by objects, above {:.0}; or by how many tolerances (t) of C",
-            100.0 * MODEL
-        ),
+        Status::Inaccurate => "inaccurate: % of the change by objects, within its error bar".to_owned(),
+        Status::Wrong => "wrong without notice: % beyond it, or C by so many tolerances (t)".to_owned(),
     }
 }
 
@@ -140,7 +139,7 @@ fn draw_legend(canvas: &Canvas<'_>) -> Drawn {
         canvas.draw(&Rectangle::new([(x, y), (x + 22, y + 15)], fill.filled()))?;
         let words = meaning(status);
         write(canvas, &words, (x + 29, y + 1), 13, INK, Pos::new(HPos::Left, VPos::Top))?;
-        x += 29 + (6.6 * words.chars().count() as f64) as i32 + 26;
+        x += 29 + (6.4 * words.chars().count() as f64) as i32 + 20;
     }
     Ok(())
 }
@@ -189,11 +188,15 @@ fn draw_cell(canvas: &Canvas<'_>, cell: &Cell, (x, y): (i32, i32)) -> Drawn {
 }
 
 fn draw_notes(canvas: &Canvas<'_>, height: i32) -> Drawn {
+    let of_changes = format!(
+        "Errors of C are against a factorisation of the same equations, errors of changes, from {:.0} % on, against a lattice of \
+         100,000 tetrahedra with planes in the faces of bodies. –: not offered.",
+        100.0 * MODEL
+    );
     let notes = [
         "Two stripes of 100 mm x 20 mm, 9,000 tetrahedra, two frames. Tolerance of C: 1e-8; 1e-5 where potentials are in f32; \
          the paper's method stops at a residual of 1e-5.",
-        "Errors of C are against a factorisation of the same equations, errors of changes against a lattice of 100,000 \
-         tetrahedra with planes in the faces of bodies. –: not offered.",
+        &of_changes,
     ];
     for (line, words) in (0..).zip(notes) {
         let at = (LEFT, height - BOTTOM + 14 + 18 * line);

@@ -2,6 +2,7 @@
 
 use super::cell::{Cell, Measured, Outcome};
 use super::ladder::Stress;
+use super::meshes;
 use super::method::{Method, Solver};
 use super::scenario::Scenario;
 use capsense_core::baseline::{BaselineError, CgOptions, PaperMethod, Precision};
@@ -45,9 +46,8 @@ impl Run {
         self.frames.last().unwrap_or(&self.base)
     }
 
-    /// What objects do to all entries.
     fn change(&self) -> Vec<f64> {
-        self.last().minus(&self.base).rows().flatten().copied().collect()
+        change(&self.base, self.last())
     }
 }
 
@@ -83,11 +83,7 @@ const MOST_OF_PAPER: usize = 5_000;
 /// All cells of a column, in the order of [`Method::all`], or as many as come before `keep_going` says no.
 pub(super) fn column(stress: Stress, keep_going: impl Fn() -> bool) -> Vec<Cell> {
     let scenario = Scenario::of(stress);
-    let truth = scenario.fine().and_then(|sensor| {
-        let mut truth = Simulating::new(&scenario, &sensor.ok()?, Interface::EdgeCut, &FINE).ok()?;
-        truth.run_from(scenario.first_solved()).ok().map(|run| run.change())
-    });
-    let truth = truth.or_else(|| plates(stress));
+    let changes = Changes::of(&scenario);
     let sensors = [true, false].map(|is_lattice| scenario.sensor(is_lattice));
     let mut known: Vec<(Interface, bool, bool, Reference)> = Vec::new();
     let mut cells = Vec::new();
@@ -98,7 +94,7 @@ pub(super) fn column(stress: Stress, keep_going: impl Fn() -> bool) -> Vec<Cell>
         let outcome = outcome(&scenario, &sensors, method, |sensor| {
             let key = (method.interface, sensor.lattice().is_some(), method.is_paper());
             let place = known.iter().position(|&(i, l, p, _)| (i, l, p) == key).unwrap_or_else(|| {
-                let reference = reference(&scenario, method, sensor, truth.as_deref());
+                let reference = reference(&scenario, method, sensor, changes.as_ref());
                 known.push((key.0, key.1, key.2, reference));
                 known.len() - 1
             });
@@ -107,6 +103,54 @@ pub(super) fn column(stress: Stress, keep_going: impl Fn() -> bool) -> Vec<Cell>
         cells.push(Cell { method, stress, outcome });
     }
     cells
+}
+
+/// What changes by objects are compared with in a scenario.
+struct Changes {
+    truth: Vec<f64>,
+    /// The scenario on a mesh with all spacings halved, as error bars are told by: known to be a lattice, and not.
+    halved: [Option<Simulator>; 2],
+}
+
+impl Changes {
+    /// `None` where it is not the interface model that is stressed.
+    fn of(scenario: &Scenario) -> Option<Self> {
+        let fine = scenario.fine().and_then(|sensor| last_frame(scenario, sensor.ok()?));
+        let truth = fine.map(|fine| change(fine.base(), fine.capacitance()));
+        let truth = truth.or_else(|| plates(scenario.stress))?;
+        let halved = [true, false].map(|is_lattice| last_frame(scenario, halved(is_lattice)?));
+        Some(Self { truth, halved })
+    }
+
+    /// Of a simulator in its last frame.
+    fn error_bar(&self, simulator: &Simulator, report: &SolveReport) -> Option<f64> {
+        let [on_lattice, off_lattice] = &self.halved;
+        let halved = if simulator.sensor().lattice().is_some() { on_lattice } else { off_lattice };
+        let bars = simulator.error_bars(halved.as_ref()?, report);
+        let bars: Vec<f64> = bars.change.rows().flatten().copied().collect();
+        Some(largest_of(&bars) / largest_of(&self.truth))
+    }
+}
+
+/// The lattice of the scenarios whose truth is known with all spacings halved, known to be one or not.
+fn halved(is_lattice: bool) -> Option<Sensor> {
+    let lattice = halved_lattice(meshes::on_lattice().ok()?.lattice()?).ok()?;
+    let sensor = Sensor::on_lattice(&meshes::stripes(), &lattice).ok()?;
+    Some(if is_lattice { sensor } else { sensor.off_lattice() })
+}
+
+/// The last frame where surfaces cut edges of another mesh; `None` where a conductor touches an electrode there.
+fn last_frame(scenario: &Scenario, sensor: Sensor) -> Option<Simulator> {
+    let mut simulator = Simulator::new(sensor, scenario.materials.clone(), FINE).ok()?;
+    let mut solids = scenario.solids().ok()?;
+    scenario.place(&mut solids, scenario.frames() - 1).ok()?;
+    let _ = simulator.step(&solids).ok()?;
+    simulator.contacts().is_empty().then_some(simulator)
+}
+
+/// What objects do to all entries.
+fn change(base: &CapacitanceMatrix, with_objects: &CapacitanceMatrix) -> Vec<f64> {
+    with_objects.minus(base).rows().flatten().copied().collect()
 }
 
 /// Electrodes so close to a bar that they are plates, their edges within a hundredth: C = ε₀A/d.
@@ -166,7 +210,8 @@ fn compare(reference: &Reference, run: Result<Run, Refusal>, tolerance: f64) -> 
     Ok(Measured { iterations: run.iterations, tolerance, solver_error, model_error, error_bar })
 }
 
-fn reference(scenario: &Scenario, method: Method, sensor: &Sensor, truth: Option<&[f64]>) -> Reference {
+fn reference(scenario: &Scenario, method: Method, sensor: &Sensor, changes: Option<&Changes>) -> Reference {
+    let truth = changes.map(|changes| &changes.truth[..]);
     let first = scenario.first_solved();
     if method.is_paper() {
         let run = paper::<f64>(scenario, sensor, EXACT_RESIDUAL, first);
@@ -180,7 +225,9 @@ fn reference(scenario: &Scenario, method: Method, sensor: &Sensor, truth: Option
     };
     let run = exact.run_from(first);
     let model_error = error_of_change(run.as_ref().ok(), truth);
-    let error_bar = truth.and_then(|truth| error_bar(scenario, &exact, truth));
+    let error_bar = changes
+        .zip(exact.report.as_ref())
+        .and_then(|(changes, report)| changes.error_bar(&exact.simulator, report));
     Reference { run, model_error, error_bar }
 }
 
@@ -188,18 +235,6 @@ fn error_of_change(run: Option<&Run>, truth: Option<&[f64]>) -> Option<f64> {
     let (run, truth) = (run?, truth?);
     let off = run.change().iter().zip(truth).map(|(change, truth)| change - truth).collect::<Vec<_>>();
     Some(largest_of(&off) / largest_of(truth))
-}
-
-/// The error bar of the largest change that is told for the last frame.
-fn error_bar(scenario: &Scenario, exact: &Simulating<'_>, truth: &[f64]) -> Option<f64> {
-    let Simulating { interface, simulator, report, .. } = exact;
-    let lattice = halved_lattice(simulator.sensor().lattice()?).ok()?;
-    let sensor = Sensor::on_lattice(&super::meshes::stripes(), &lattice).ok()?;
-    let mut halved = Simulating::new(scenario, &sensor, *interface, &FINE).ok()?;
-    let _ = halved.run_from(scenario.frames() - 1).ok()?;
-    let bars = simulator.error_bars(&halved.simulator, report.as_ref()?);
-    let bars: Vec<f64> = bars.change.rows().flatten().copied().collect();
-    Some(largest_of(&bars) / largest_of(truth))
 }
 
 fn run(scenario: &Scenario, method: Method, sensor: &Sensor) -> Result<Run, Refusal> {
@@ -215,7 +250,6 @@ fn run(scenario: &Scenario, method: Method, sensor: &Sensor) -> Result<Run, Refu
 /// A simulator in a scenario.
 struct Simulating<'a> {
     scenario: &'a Scenario,
-    interface: Interface,
     simulator: Simulator,
     /// Of the last frame.
     report: Option<SolveReport>,
@@ -230,7 +264,7 @@ impl<'a> Simulating<'a> {
     ) -> Result<Self, Refusal> {
         let materials = scenario.materials.clone();
         let simulator = Simulator::with_interface(sensor.clone(), materials, *options, interface)?;
-        Ok(Self { scenario, interface, simulator, report: None })
+        Ok(Self { scenario, simulator, report: None })
     }
 
     /// Takes all frames from the given one on, and solves those that are to be solved.
@@ -267,7 +301,7 @@ fn paper<T: Precision>(
 ) -> Result<Run, Refusal> {
     let (permittivities, back_fill) = scenario.as_in_paper().unwrap_or_default();
     let mut method = PaperMethod::<T>::new(sensor, &permittivities, options);
-    let view = OrthographicView { domain: super::meshes::DOMAIN, width: 1, height: 1 };
+    let view = OrthographicView { domain: meshes::DOMAIN, width: 1, height: 1 };
     let _ = method.step(&DepthLayers::empty(view, permittivities.len()))?;
     let base = method.capacitance().clone();
     let (mut frames, mut iterations) = (Vec::new(), 0);

@@ -74,7 +74,7 @@ impl Map {
             let was = Status::ALL.into_iter().find(|status| status.name() == word(5));
             let was = was.ok_or_else(|| TableError::Status(word(5)))?;
             if levels.iter().any(|level| level[..] == field[..2]) {
-                let is = now.get(&field).copied().unwrap_or(Status::Inaccurate);
+                let is = now.get(&field).copied().unwrap_or(Status::Wrong);
                 if is.rank() > was.rank() {
                     worse.push(Worse { field, was, is });
                 }

@@ -2,7 +2,10 @@
 //!
 //! Errors of linear elements fall as a power p of the spacing, from p = 1 at rims of electrodes to p = 2 where fields are
 //! smooth. Halving shows the part 1 - 2^-p of an error, whatever makes it: the field between nodes, rims, links, or where
-//! surfaces cut edges. Recovered gradients (Zienkiewicz and Zhu 1987) know of the first alone. They told errors of C four to
+//! surfaces cut edges. Interface models that fill whole elements are of first order and not even of that from one mesh to the
+//! next: where a staircase stands in relation to the true surface is a matter of luck, and may be the same on both meshes. So on
+//! the halved mesh surfaces cut edges, whatever the model; then all of what such a model makes wrong is in the difference.
+//! Recovered gradients (Zienkiewicz and Zhu 1987) know of the first alone. They told errors of C four to
 //! twenty times as large as they are, and coarser meshes were off by anything from a third to fourteen times:
 //! `docs/validation.md`.
 

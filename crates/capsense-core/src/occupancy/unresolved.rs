@@ -68,11 +68,16 @@ pub(crate) fn unresolved(
 }
 
 fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, object: usize) -> Seen {
+    // Off lattices long edges are visited more often than short ones, which would make bodies look thin along short ones.
+    let mut near = Vec::new();
+    mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| near.push((edge, ends)));
+    near.sort_unstable();
+    near.dedup();
     let mut seen = Seen::default();
-    mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| {
+    for (edge, ends) in near {
         let [a, b] = ends.map(|node| mesh.nodes[node as usize]);
-        let Some(span) = surfaces.span(object, a, b) else { return };
-        let weight = weights[edge].max(0.0);
+        let Some(span) = surfaces.span(object, a, b) else { continue };
+        let weight = weights[edge].max(0.0).min(most_between(mesh, ends));
         seen.is_met = true;
         match [a, b].map(|end| surfaces.contains(object, end)) {
             [false, false] => seen.through += weight * a.distance_squared(b),
@@ -80,6 +85,22 @@ fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, ob
             _ => seen.leaving += weight * a.distance_squared(b),
         }
         seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
-    });
+    }
     seen
+}
+
+/// The most that an edge between two nodes weighs in elements of any reasonable shape: its dual face is no larger than the square of
+/// the longest edge there. Flat elements have pairs of edges, one of them negative, that weigh more by any factor.
+fn most_between(mesh: EdgeGeometry<'_>, ends: [u32; 2]) -> f64 {
+    let squared = |[a, b]: [u32; 2]| mesh.nodes[a as usize].distance_squared(mesh.nodes[b as usize]);
+    if matches!(mesh.edges, Edges::Lattice(_)) {
+        return f64::INFINITY;
+    }
+    let mut longest = 0.0_f64;
+    for node in ends {
+        mesh.edges.for_edges_at(node as usize, |edge, _| {
+            longest = mesh.edges.ends(edge).map_or(longest, |ends| longest.max(squared(ends)));
+        });
+    }
+    longest / squared(ends).sqrt()
 }
