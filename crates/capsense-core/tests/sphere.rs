@@ -176,8 +176,9 @@ fn errors_of_a_sphere_are_those_that_are_documented() {
     let meshes = RADII.map(Meshes::around);
     let worst = |row: [f64; 3]| row.into_iter().fold(0.0, |worst: f64, error| worst.max(error.abs()));
     let lattice = errors(&meshes, true, Interface::EdgeCut);
-    for (row, allowed) in lattice.into_iter().zip([1.3, 1.0, 2.7, 2.0]) {
-        assert!(worst(row) < allowed && row[2].abs() < 0.75 * worst(row), "{row:?}");
+    for (row, allowed) in lattice.into_iter().zip([1.3, 0.5, 2.7, 2.0]) {
+        // What is 0.2 % has no order.
+        assert!(worst(row) < allowed && row[2].abs() < f64::max(0.75 * worst(row), 0.3), "{row:?}");
     }
     let other = errors(&meshes, false, Interface::EdgeCut);
     for (row, allowed) in other.into_iter().zip([4.5, 2.5, 1.8, 2.0]) {

@@ -31,6 +31,13 @@ impl Frame {
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.object_from_sensor * (point - self.origin)
     }
+
+    /// Half the size, along the axes of this frame, of a box that holds one of the sensor frame, given by half its size there.
+    #[inline]
+    pub fn half_size_of(&self, half: DVec3) -> DVec3 {
+        let turned = &self.object_from_sensor;
+        turned.x_axis.abs() * half.x + turned.y_axis.abs() * half.y + turned.z_axis.abs() * half.z
+    }
 }
 
 /// Where objects are: answers for points and segments in the sensor frame.
@@ -67,6 +74,11 @@ pub trait Surfaces {
     /// Whether it is soon seen that an object certainly misses all of a box about a point, of some half size, along the axes
     /// of the object's frame.
     fn misses(&self, _object: usize, _middle: DVec3, _half: DVec3) -> bool {
+        false
+    }
+
+    /// Whether it is soon seen that an object certainly fills all of such a box.
+    fn holds(&self, _object: usize, _middle: DVec3, _half: DVec3) -> bool {
         false
     }
 

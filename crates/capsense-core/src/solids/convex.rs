@@ -94,6 +94,12 @@ impl Convex {
         }
     }
 
+    /// Whether all of a box of half size `half` about a point is inside, by more than rounding: its farthest corner is.
+    #[inline]
+    pub(super) fn holds(&self, centre: DVec3, half: DVec3) -> bool {
+        self.contains((centre.abs() + half) * (1.0 + BEYOND))
+    }
+
     /// Whether a direction is that of the normal of a flat face, but for rounding.
     pub(super) fn has_face_across(&self, direction: DVec3) -> bool {
         let is_along = |axis: f64| 1.0 - axis.abs() < ALIGNED;

@@ -272,6 +272,11 @@ impl Surfaces for Solids {
         convex.is_beyond_face(middle, half)
     }
 
+    fn holds(&self, object: usize, middle: DVec3, half: DVec3) -> bool {
+        let Body::Convex(convex) = &self.solids[object].body else { return false };
+        convex.holds(middle, half)
+    }
+
     fn are_exact(&self) -> bool {
         true
     }
