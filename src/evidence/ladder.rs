@@ -3,10 +3,12 @@
 use super::published::PAPER_TIMES;
 use super::setting::{MeshPlan, Method, Setting, Storage};
 use super::stage::Patience;
+use crate::device::Device;
 use crate::scene::GeometrySource;
 use capsense_core::baseline::CgOptions;
 use capsense_core::occupancy::Interface;
 use capsense_core::solver::Preconditioner;
+use capsense_render::fields::has_adapter;
 
 /// Tetrahedra of the meshes.
 pub const SIZES: [usize; 6] = [3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000];
@@ -31,6 +33,7 @@ pub const USUAL: Setting = Setting {
     geometry: GeometrySource::Solids,
     preconditioner: Preconditioner::Multigrid,
     tolerance: TOLERANCE,
+    device: Device::Cpu,
     threads: 1,
     patience: Patience::All,
 };
@@ -46,7 +49,7 @@ pub const PAPER: Setting = Setting {
     ..USUAL
 };
 
-/// All settings of the chart.
+/// All settings of the chart; those of a graphics device where there is a real one.
 pub fn full() -> Vec<Setting> {
     let adapted = |base: Setting| ladder(base, MeshPlan::Adapted, usize::MAX);
     let mut all = adapted(USUAL);
@@ -75,6 +78,9 @@ pub fn full() -> Vec<Setting> {
         (Preconditioner::Direct, LARGEST_OF_DIRECT),
     ] {
         all.extend(ladder(Setting { preconditioner, ..csr }, MeshPlan::Adapted, largest));
+    }
+    if has_adapter() {
+        all.extend(adapted(Setting { device: Device::Gpu, ..USUAL }));
     }
     all.extend(ERRORS.map(|error| Setting { mesh: MeshPlan::ForError(error), ..USUAL }));
     all

@@ -9,6 +9,7 @@ use super::reference::Reference;
 use super::setting::{Method, Setting};
 use super::stage::{COMPARED, Stage};
 use super::table::Row;
+use crate::device::Device;
 use crate::motion::Motion;
 use crate::pipeline::Pipeline;
 use crate::scene::{Geometry, GeometrySource, Scene};
@@ -129,7 +130,11 @@ fn run(
             results.errors.push(reference.error(pose, &method.change())?);
         }
     }
-    let row = results.into_row(Row::of(setting), Clock::for_threads(setting.threads));
+    let clock = match setting.device {
+        Device::Cpu => Clock::for_threads(setting.threads),
+        Device::Gpu | Device::Auto => Clock::Wall,
+    };
+    let row = results.into_row(Row::of(setting), clock);
     Ok(Some(Row { tets: Some(tets), ..row }))
 }
 
@@ -163,6 +168,7 @@ fn scene(stage: &Stage, setting: &Setting, places: &[Place]) -> Result<Scene, Ev
         GeometrySource::Solids => Geometry::Solids(Solids::new(std::slice::from_ref(stage.shape()))?),
     };
     scene.threads = setting.threads;
+    scene.device = setting.device;
     scene.solver = SolverOptions {
         tolerance: setting.tolerance,
         preconditioner: setting.preconditioner,

@@ -2,6 +2,7 @@
 
 use super::EvidenceError;
 use super::stage::{Patience, Stage};
+use crate::device::Device;
 use crate::scene::GeometrySource;
 use capsense_core::occupancy::Interface;
 use capsense_core::sensor::{MeshKind, Sensor};
@@ -56,6 +57,8 @@ pub struct Setting {
     pub preconditioner: Preconditioner,
     /// When the iteration stops: the relative error of C, and for the paper's method the relative residual.
     pub tolerance: f64,
+    /// Where fields are computed.
+    pub device: Device,
     /// Threads of the solver.
     pub threads: usize,
     /// How many frames are run.
@@ -95,6 +98,11 @@ impl Storage {
 }
 
 impl Setting {
+    /// What computes the frames, in tables.
+    pub fn method_name(&self) -> &'static str {
+        if self.device == Device::Gpu { "capsense, graphics device" } else { self.method.name() }
+    }
+
     /// The sensor on the mesh that is asked for.
     ///
     /// # Errors

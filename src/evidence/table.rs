@@ -69,7 +69,7 @@ impl Row {
         let (mesh, asked) = setting.mesh.name();
         Self {
             version: VERSION.to_owned(),
-            method: setting.method.name().to_owned(),
+            method: setting.method_name().to_owned(),
             mesh: mesh.to_owned(),
             asked,
             storage: setting.storage.name().to_owned(),

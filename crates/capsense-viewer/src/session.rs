@@ -31,6 +31,8 @@ pub struct OpenScene {
     pub mesh: MeshSize,
     /// What draws its objects.
     pub renderer: String,
+    /// What computes the fields.
+    pub device: String,
 }
 
 /// A document that was sent to the worker and has not come back.
@@ -313,7 +315,7 @@ impl Session {
     }
 
     fn loaded(&mut self, loaded: LoadedScene) {
-        let LoadedScene { number, scene, base, mesh, renderer } = loaded;
+        let LoadedScene { number, scene, base, mesh, renderer, device } = loaded;
         // A newer change is on its way: what comes back is of no use any more.
         let Some(pending) = self.pending.take_if(|pending| pending.number == number) else { return };
         let Pending { document, can_undo, removed, .. } = pending;
@@ -339,7 +341,7 @@ impl Session {
         self.held.resize(scene.objects.len(), None);
         self.selected = self.selected.filter(|&object| object < scene.objects.len());
         self.bars = Bars::Unknown;
-        self.open = Some(OpenScene { number, scene, base, mesh, renderer });
+        self.open = Some(OpenScene { number, scene, base, mesh, renderer, device });
     }
 
     fn computed(&mut self, computed: Box<Computed>) {

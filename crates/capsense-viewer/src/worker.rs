@@ -59,6 +59,8 @@ pub struct LoadedScene {
     pub mesh: MeshSize,
     /// What draws its objects.
     pub renderer: String,
+    /// What computes the fields: `CPU`, or the name of a graphics adapter.
+    pub device: String,
 }
 
 /// A frame and what it was asked for.
@@ -344,6 +346,7 @@ impl Desk {
             base: pipeline.simulator().base().clone(),
             mesh: MeshSize::of(pipeline.simulator().sensor().mesh()),
             renderer: pipeline.renderer().to_owned(),
+            device: pipeline.device(),
         })));
         let pictures = Frame3dBuilder::new(&scene, &pipeline);
         self.open = Some(Open { number, scene, pipeline, pictures, measurement, scans: 0 });

@@ -15,6 +15,15 @@ const LEAST: u32 = 2;
 /// Iterations that follow where those of the first go were not enough.
 const MORE: u32 = 2;
 
+/// Whether there is a graphics adapter that is no software and computes.
+pub fn has_adapter() -> bool {
+    Adapter::open("capsense fields", false, NEEDS).is_ok()
+}
+
+/// What an adapter must have.
+const NEEDS: (wgpu::DownlevelFlags, &str) =
+    (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
+
 /// The fields of some scenes that share a mesh, on one graphics device.
 ///
 /// All scenes that were told of a solve to come ([`RemoteFields::announce`]) are computed by the same launches as the first
@@ -64,8 +73,7 @@ impl GpuFields {
     /// When there is no adapter or it cannot be opened, the mesh or the number of scenes exceeds its limits, or its memory
     /// does not suffice.
     pub fn new(problem: &RemoteProblem, scenes: usize, allow_software: bool) -> Result<Self, RenderError> {
-        let needs = (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
-        let adapter = Adapter::open("capsense fields", allow_software, needs)?;
+        let adapter = Adapter::open("capsense fields", allow_software, NEEDS)?;
         let plan = Plan::new(problem).ok_or(RenderError::LimitExceeded {
             what: "the number of values on the mesh",
             needed: problem.lattice.node_counts().iter().product::<usize>() as u64,

@@ -19,4 +19,4 @@ mod tests;
 mod twin;
 
 pub use device::Traffic;
-pub use gpu::GpuFields;
+pub use gpu::{GpuFields, has_adapter};

@@ -119,7 +119,7 @@ fn kernels_leave_what_their_twins_leave() {
         let potentials = twin.plan.potential as usize..twin.plan.steps[0] as usize;
         let (ours, theirs) = (&vectors[potentials.clone()], &twin.vectors[potentials]);
         let worst = ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        assert!(worst < 1e-5 && ours.iter().any(|volts| *volts == 1.0), "{tets}: potentials {worst:e}");
+        assert!(worst < 1e-5 && ours.contains(&1.0), "{tets}: potentials {worst:e}");
     }
 }
 

@@ -269,7 +269,7 @@ impl Twin {
                 _ => self.interpolated(transfer, axis + 1, place, vector),
             }
         };
-        if told % 2 == 0 {
+        if told.is_multiple_of(2) {
             return value(told / 2);
         }
         let [before, after] = self.shares(&grid, axis, grid.node(place));

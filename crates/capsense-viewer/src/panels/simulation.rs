@@ -2,6 +2,7 @@
 
 use crate::session::Session;
 use crate::style::{faint, named, row, segmented};
+use capsense::Device;
 use capsense::core::occupancy::Interface;
 use capsense::core::solver::Preconditioner;
 use capsense::scene::GeometrySource;
@@ -10,7 +11,8 @@ use egui::{ComboBox, RichText, Ui};
 /// Draws the form.
 pub fn ui(ui: &mut Ui, session: &mut Session) {
     let Some(open) = &session.open else { return };
-    let (scene, mesh, renderer) = (open.scene.clone(), open.mesh, open.renderer.clone());
+    let (scene, mesh) = (open.scene.clone(), open.mesh);
+    let (renderer, device) = (open.renderer.clone(), open.device.clone());
     row(ui, "geometry", |ui| {
         let mut geometry = GeometrySource::of(&scene.geometry);
         let choices = [
@@ -65,6 +67,18 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
             session.edit(|document| document.set_preconditioner(chosen));
         }
     });
+    row(ui, "device", |ui| {
+        let mut device = scene.device;
+        let list = ComboBox::from_id_salt("device").selected_text(device.name()).show_ui(ui, |ui| {
+            for choice in [Device::Cpu, Device::Gpu, Device::Auto] {
+                ui.selectable_value(&mut device, choice, choice.name());
+            }
+        });
+        named(list.response, "device");
+        if device != scene.device {
+            session.edit(|document| document.set_device(device));
+        }
+    });
     row(ui, "threads", |ui| {
         let mut threads = scene.threads;
         let text = |threads: usize| if threads == 0 { "all cores".to_owned() } else { threads.to_string() };
@@ -81,6 +95,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session) {
     let facts = [
         ("mesh", format!("{} tets, {} nodes", grouped(mesh.tets), grouped(mesh.nodes))),
         ("surfaces", renderer),
+        ("fields", device),
         ("frames", format!("{} at {} Hz", scene.frames, scene.frame_rate)),
     ];
     for (name, text) in facts {
