@@ -57,14 +57,9 @@ fn options() -> SolverOptions {
 
 fn simulator_on(sensor: &Sensor, gpu: &GpuFields, scene: usize) -> Simulator {
     let columns = sensor.electrode_names().len();
-    Simulator::with_remote(
-        sensor.clone(),
-        vec![BAR],
-        options(),
-        Interface::EdgeCut,
-        gpu.scene(scene, columns),
-    )
-    .expect("the empty scene has a solution")
+    let fields = gpu.scene(scene, columns).expect("each scene is asked for once");
+    Simulator::with_remote(sensor.clone(), vec![BAR], options(), Interface::EdgeCut, fields)
+        .expect("the empty scene has a solution")
 }
 
 fn fields(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
@@ -135,7 +130,7 @@ fn gpu_step(criterion: &mut Criterion) {
         }
         let mut on_cpu =
             Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
-        group.bench_function(format!("{name}, processor"), |bencher| {
+        group.bench_function(format!("{name}, one core of the processor"), |bencher| {
             bencher.iter(|| {
                 index += 1;
                 place(&mut solids, index);

@@ -4,7 +4,6 @@ use crate::pipeline::PipelineError;
 use crate::scene::Scene;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
-use capsense_render::RenderError;
 use capsense_render::fields::GpuFields;
 
 /// What a scene asks for.
@@ -46,23 +45,12 @@ pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineEr
 /// The simulator of a scene on a graphics adapter.
 pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
     let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
-    let problem =
-        Simulator::remote_problem(&sensor, &materials).ok_or(SimulatorError::NotForDevice("another mesh"))?;
+    let problem = Simulator::remote_problem(&sensor, &materials)
+        .ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
     let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
-    let fields = gpu.scene(0, problem.columns);
+    let fields = gpu
+        .scene(0, problem.columns)
+        .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
     let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
     Ok(Placed { simulator, gpu: Some(gpu) })
-}
-
-/// Whether a scene that leaves the choice to us is to stay on the processor whatever there is: a reason why no adapter takes it.
-pub(crate) fn has_no_gpu(error: &PipelineError) -> bool {
-    let of_adapter =
-        matches!(error, PipelineError::Device(error) if !matches!(error, RenderError::Driver { .. }));
-    let of_scene = matches!(
-        error,
-        PipelineError::Simulator(
-            SimulatorError::NotForDevice(_) | SimulatorError::PermittivityForDevice { .. }
-        )
-    );
-    of_adapter || of_scene
 }

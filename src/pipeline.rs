@@ -131,38 +131,36 @@ impl Pipeline {
             Device::Gpu => Self::of(scene, device::on_gpu(scene, sensor, true)?),
             Device::Auto => {
                 let cpu = Self::of(scene, device::on_cpu(scene, sensor.clone())?)?;
-                match device::on_gpu(scene, sensor, false) {
-                    Ok(gpu) => Self::faster(scene, cpu, Self::of(scene, gpu)?),
-                    Err(error) if device::has_no_gpu(&error) => Ok(cpu),
-                    Err(error) => Err(error),
+                // Whatever keeps a device from it, there is a processor.
+                match device::on_gpu(scene, sensor, false).and_then(|gpu| Self::of(scene, gpu)) {
+                    Ok(gpu) => Self::faster(scene, cpu, gpu),
+                    Err(_) => Ok(cpu),
                 }
             }
         }
     }
 
-    /// The one of two that takes less time for the scene's first frames, in its state before them.
-    fn faster(scene: &Scene, cpu: Self, gpu: Self) -> Result<Self, PipelineError> {
-        let mut candidates = [cpu, gpu];
-        let mut times = [f64::INFINITY; 2];
-        for (pipeline, time) in candidates.iter_mut().zip(&mut times) {
-            let mut of_frames = Vec::with_capacity(FRAMES_TO_COMPARE);
-            for index in 0..FRAMES_TO_COMPARE.min(scene.frames) {
-                let took = pipeline.frame(index)?.milliseconds;
-                of_frames.push(took.update + took.solve);
-            }
-            // Of few frames, the first of which may have much to prepare.
-            of_frames.sort_by(f64::total_cmp);
-            *time = of_frames[of_frames.len() / 2];
-        }
-        let [cpu, gpu] = candidates;
+    /// The one of two that takes less time for the scene's first frames, as it was before them.
+    fn faster(scene: &Scene, mut cpu: Self, mut gpu: Self) -> Result<Self, PipelineError> {
+        let on_cpu = cpu.time_of_first_frames(scene.frames)?;
+        let is_faster = gpu.time_of_first_frames(scene.frames).is_ok_and(|on_gpu| on_gpu < on_cpu);
         let sensor = cpu.simulator.sensor().clone();
-        match times[0] <= times[1] {
-            true => Self::of(scene, device::on_cpu(scene, sensor)?),
-            false => {
-                drop(gpu);
-                Self::of(scene, device::on_gpu(scene, sensor, false)?)
-            }
+        drop(gpu);
+        if is_faster && let Ok(again) = device::on_gpu(scene, sensor.clone(), false) {
+            return Self::of(scene, again);
         }
+        Self::of(scene, device::on_cpu(scene, sensor)?)
+    }
+
+    /// The median time of update and solve of the first frames of so many, in milliseconds.
+    fn time_of_first_frames(&mut self, frames: usize) -> Result<f64, PipelineError> {
+        let mut times = Vec::with_capacity(FRAMES_TO_COMPARE);
+        for index in 0..FRAMES_TO_COMPARE.min(frames) {
+            let took = self.frame(index)?.milliseconds;
+            times.push(took.update + took.solve);
+        }
+        times.sort_by(f64::total_cmp);
+        Ok(times.get(times.len() / 2).copied().unwrap_or(0.0))
     }
 
     fn of(scene: &Scene, placed: Placed) -> Result<Self, PipelineError> {

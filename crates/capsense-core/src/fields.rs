@@ -255,6 +255,14 @@ impl Fields {
         }
     }
 
+    /// Has the potentials of one column at hand.
+    ///
+    /// # Errors
+    /// When they are on a device that fails.
+    pub(crate) fn read(&self, column: usize) -> Result<(), SolveError> {
+        self.solver.read(column)
+    }
+
     /// Tells fields that are elsewhere of a solve to come.
     pub(crate) fn announce(&mut self, options: &SolverOptions) {
         self.solver.announce(options);
@@ -291,7 +299,11 @@ impl Fields {
     }
 
     /// For each column the charge, in farads, on everything grounded.
-    pub(crate) fn charges_on_ground(&self, matrix: &StiffnessMatrix) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// When potentials are on a device that fails.
+    pub(crate) fn charges_on_ground(&self, matrix: &StiffnessMatrix) -> Result<Vec<f64>, SolveError> {
+        (0..self.terminals.len()).try_for_each(|column| self.read(column))?;
         let grounded = |row: usize| {
             let holder = self.row_terminals[row];
             holder != FREE && !self.terminals.contains(&holder)
@@ -306,7 +318,7 @@ impl Fields {
                 }
             }
         });
-        charges
+        Ok(charges)
     }
 }
 

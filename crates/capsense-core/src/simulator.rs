@@ -116,8 +116,8 @@ impl Simulator {
     /// this sensor and these materials.
     ///
     /// # Errors
-    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the preconditioner is not multigrid, or a dielectric
-    /// is more polarisable than single precision allows.
+    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the fields are not made for it and these materials, the
+    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows.
     pub fn with_remote(
         sensor: Sensor,
         materials: Vec<Material>,
@@ -125,9 +125,16 @@ impl Simulator {
         interface: Interface,
         remote: Box<dyn RemoteFields>,
     ) -> Result<Self, SimulatorError> {
-        refusal::check_remote(&sensor, &materials, &options)?;
         let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
         let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
+        refusal::check_remote(&sensor, &materials, &options)?;
+        let made_for = Self::remote_problem(&sensor, &materials)
+            .map(|problem| [sensor.mesh().nodes().len(), problem.columns]);
+        if made_for != Some(remote.shape()) {
+            return Err(SimulatorError::NotForDevice(
+                "its fields were made for another mesh or other objects",
+            ));
+        }
         Self::build(sensor, materials, options, interface, Some(remote))
     }
 
@@ -282,27 +289,36 @@ impl Simulator {
     /// Entries of the Maxwell matrix between each electrode and ground with all that is grounded: farads, negative.
     /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
     /// them. A capacitance from an object to ground is not part of it.
-    pub fn capacitance_to_ground(&self) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// When the fields are on a device that fails.
+    pub fn capacitance_to_ground(&self) -> Result<Vec<f64>, SimulatorError> {
         let mut all = self.held.clone();
         let ground = all.size() - 1;
-        for (column, charge) in self.fields.charges_on_ground(&self.matrix).into_iter().enumerate() {
+        for (column, charge) in self.fields.charges_on_ground(&self.matrix)?.into_iter().enumerate() {
             all.set(column, ground, charge);
         }
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
             all.release(object, to_ground);
         }
-        (0..self.capacitance.size()).map(|electrode| all.get(electrode, ground)).collect()
+        Ok((0..self.capacitance.size()).map(|electrode| all.get(electrode, ground)).collect())
     }
 
     /// The potential of each node, in volts, with one electrode at 1 V and the others at 0 V, as the last solve left the
     /// field: what `potentials` holds afterwards. Objects that find their own potential have it, by
     /// [`Simulator::capacitance`]'s rule for them.
     ///
+    /// # Errors
+    /// When the fields are on a device that fails; then `potentials` stays as it is.
+    ///
     /// # Panics
     /// When there is no such electrode.
-    pub fn potentials(&self, electrode: usize, potentials: &mut Vec<f64>) {
+    pub fn potentials(&self, electrode: usize, potentials: &mut Vec<f64>) -> Result<(), SimulatorError> {
         let electrodes = self.capacitance.size();
         assert!(electrode < electrodes, "electrode {electrode} of {electrodes}");
+        let mut shown =
+            released_objects(&self.materials, electrodes).map(|(object, _)| object).chain([electrode]);
+        shown.try_for_each(|column| self.fields.read(column))?;
         let objects: Vec<(usize, f64)> = released_objects(&self.materials, electrodes)
             .map(|(object, to_ground)| {
                 // With all others released, the charge that the electrode's volt leaves on an object is its own to undo.
@@ -322,6 +338,7 @@ impl Simulator {
                 objects.iter().map(|&(object, volts)| volts * self.fields.potential(object, node));
             self.fields.potential(electrode, node) + of_objects.sum::<f64>()
         }));
+        Ok(())
     }
 
     /// The Maxwell capacitance matrix of the empty scene.

@@ -59,7 +59,7 @@ impl Pair {
         let error = relative_error(self.green.capacitance(), self.truth.capacitance());
         assert!(error < ROUNDING, "frame {}: {error:e}, {report:?}", self.frames);
         self.worst = self.worst.max(error);
-        let [here, there] = [&self.green, &self.truth].map(Simulator::capacitance_to_ground);
+        let [here, there] = [&self.green, &self.truth].map(|of| of.capacitance_to_ground().unwrap());
         for (electrode, (here, there)) in here.iter().zip(there).enumerate() {
             let scale = self.truth.capacitance().get(electrode, electrode);
             assert!((here - there).abs() < 1e-9 * scale, "to ground: {here:e} {there:e}");

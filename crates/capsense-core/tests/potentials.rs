@@ -41,7 +41,7 @@ fn solved(to_ground: f64) -> Simulator {
 /// The potential of an object, which all nodes that it holds have.
 fn potential_of(simulator: &Simulator, object: u16, electrode: usize) -> f64 {
     let mut potentials = vec![7.0];
-    simulator.potentials(electrode, &mut potentials);
+    simulator.potentials(electrode, &mut potentials).unwrap();
     assert_eq!(potentials.len(), simulator.sensor().mesh().nodes().len());
     let held = simulator.occupancy().conductors().iter().zip(&potentials);
     let held: Vec<f64> = held.filter(|(holder, _)| **holder == object).map(|(_, &volts)| volts).collect();
@@ -73,7 +73,7 @@ fn potentials_of_objects_are_those_that_capacitances_ask_for() {
 fn terminals_have_their_potentials_and_all_others_lie_between() {
     let simulator = solved(1e-12);
     let mut potentials = Vec::new();
-    simulator.potentials(1, &mut potentials);
+    simulator.potentials(1, &mut potentials).unwrap();
     for (&terminal, &volts) in simulator.sensor().terminals().iter().zip(&potentials) {
         match terminal {
             FREE => assert!((-1e-6..=1.0 + 1e-6).contains(&volts), "{volts}"),

@@ -53,8 +53,8 @@ pub enum SimulatorError {
         /// The value given.
         permittivity: f64,
     },
-    /// Fields can only be elsewhere on a lattice, with multigrid.
-    #[error("a device solves on lattices with the multigrid preconditioner only; this is {0}")]
+    /// What a device does not compute, and why.
+    #[error("a graphics device cannot compute this: {0}")]
     NotForDevice(&'static str),
     /// A dielectric that a device cannot solve for in single precision.
     #[error(
@@ -91,6 +91,13 @@ const WITHOUT_PRECONDITIONER: std::ops::RangeInclusive<f64> = 0.1..=1e3;
 /// scenes thrown by dice is within its tolerance (`random_scenes_have_the_capacitances_of_the_processors_solver` in
 /// capsense-render); with 1000 it was not always.
 const ON_DEVICE: f64 = 100.0;
+
+/// Why a device does not take a scene.
+pub(super) const NO_LATTICE: &str = "the mesh is no lattice";
+const TOO_FINE: &str = "single precision allows tolerances of C from 1e-7, with strong dielectrics from 1e-6, and none of its change";
+
+/// The finest tolerance for a device; written out in [`TOO_FINE`].
+const FINEST_ON_DEVICE: f64 = 0.99e-7;
 
 /// Results may be off by so many tolerances.
 const ALLOWED: f64 = 3.0;
@@ -139,10 +146,13 @@ pub(super) fn check_remote(
     options: &SolverOptions,
 ) -> Result<(), SimulatorError> {
     if sensor.lattice().is_none() {
-        return Err(SimulatorError::NotForDevice("another mesh"));
+        return Err(SimulatorError::NotForDevice(NO_LATTICE));
     }
     if options.preconditioner != Preconditioner::Multigrid {
-        return Err(SimulatorError::NotForDevice(options.preconditioner.name()));
+        return Err(SimulatorError::NotForDevice("the preconditioner is not multigrid"));
+    }
+    if options.tolerance < FINEST_ON_DEVICE || options.change_tolerance.is_some() {
+        return Err(SimulatorError::NotForDevice(TOO_FINE));
     }
     for (object, material) in materials.iter().enumerate() {
         if let Material::Dielectric(permittivity) = *material

@@ -47,6 +47,8 @@ pub(crate) struct FieldSolver {
     green: Option<Box<Green>>,
     /// The relative error of the answer to this frame.
     answered: Option<f64>,
+    /// What the last solve elsewhere left.
+    of_remote: SolveReport,
 }
 
 /// The operators.
@@ -76,6 +78,8 @@ impl FieldSolver {
         let objects = fixed.len() - matrix.nodes();
         let threads =
             options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        // While fields are elsewhere, there is nothing to share here.
+        let threads = if remote.is_some() { 1 } else { threads };
         let workers = Workers::new(threads, matrix.nodes());
         let vectors = match (remote, matrix.network().edges()) {
             (Some(remote), _) => {
@@ -101,6 +105,7 @@ impl FieldSolver {
             residual: 0.0,
             green: None,
             answered: None,
+            of_remote: SolveReport::default(),
         }
     }
 
@@ -208,7 +213,11 @@ impl FieldSolver {
         }
         self.bracket.is_lost = true;
         if let Vectors::Remote(_) = self.vectors {
-            return self.solve_remotely(options);
+            let report = self.solve_remotely(options);
+            if let (Err(_), Vectors::Remote(fields)) = (&report, &mut self.vectors) {
+                fields.empty_all();
+            }
+            return report;
         }
         if let Some(report) = self.answer() {
             return Ok(report);
@@ -236,10 +245,23 @@ impl FieldSolver {
         Ok(report)
     }
 
+    /// Reads potentials of one column back from where they are.
+    ///
+    /// # Errors
+    /// When the device that has them fails.
+    pub(crate) fn read(&self, column: usize) -> Result<(), SolveError> {
+        match &self.vectors {
+            Vectors::Remote(fields) => fields.read(column),
+            _ => Ok(()),
+        }
+    }
+
     /// Tells fields that are elsewhere of a solve to come.
     pub(crate) fn announce(&mut self, options: &SolverOptions) {
         let Self { vectors, bracket, demand, columns, .. } = self;
-        if let Vectors::Remote(fields) = vectors {
+        if let Vectors::Remote(fields) = vectors
+            && !fields.is_settled()
+        {
             let allowed = allowed_energies(bracket, demand, *columns, options);
             let most = options.max_iterations.min(ITERATIONS_IN_SINGLE_PRECISION);
             fields.announce(allowed.as_deref(), most);
@@ -250,12 +272,14 @@ impl FieldSolver {
     fn solve_remotely(&mut self, options: &SolverOptions) -> Result<SolveReport, SolveError> {
         let Self { vectors, bracket, demand, columns, residual_is_lost, residual, .. } = self;
         let Vectors::Remote(fields) = vectors else { return Ok(SolveReport::default()) };
+        if fields.is_settled() {
+            return Ok(SolveReport { skipped: true, ..self.of_remote });
+        }
         let mut report = SolveReport::default();
         loop {
-            let allowed = allowed_energies(bracket, demand, *columns, options);
-            let known = allowed.as_deref();
+            let asked = allowed_energies(bracket, demand, *columns, options);
             let left = options.max_iterations - report.iterations;
-            let solution = fields.solve(known, left.min(ITERATIONS_IN_SINGLE_PRECISION))?;
+            let solution = fields.solve(asked.as_deref(), left.min(ITERATIONS_IN_SINGLE_PRECISION))?;
             report.iterations += solution.iterations;
             report.launches += solution.launches;
             report.residual = solution.residual;
@@ -273,11 +297,18 @@ impl FieldSolver {
                 })
                 .fold(0.0, f64::max);
             report.relative_error = worst;
-            if enough || known.is_none() {
+            if enough {
                 (*residual_is_lost, *residual) = (false, report.residual);
+                fields.settle();
+                self.of_remote = SolveReport { iterations: 0, launches: 0, ..report };
                 return Ok(report);
             }
-            if solution.iterations == 0 || report.iterations >= options.max_iterations {
+            // Nothing is known of a column of which nothing was asked, either.
+            let is_broken = solution.to_come.iter().enumerate().any(|(column, to_come)| {
+                *to_come >= f64::from(f32::MAX)
+                    && asked.as_ref().is_none_or(|asked| asked[column] < f64::INFINITY)
+            });
+            if solution.iterations == 0 || is_broken || report.iterations >= options.max_iterations {
                 let (iterations, tolerance) = (report.iterations, options.tolerance);
                 return Err(SolveError::NotConverged { iterations, relative_error: worst, tolerance });
             }

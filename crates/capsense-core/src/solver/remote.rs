@@ -119,6 +119,9 @@ pub trait RemoteFields: Debug + Send {
     fn solve(&mut self, allowed: Option<&[f64]>, max_iterations: usize)
     -> Result<RemoteSolution, SolveError>;
 
+    /// For how many nodes and columns these are.
+    fn shape(&self) -> [usize; 2];
+
     /// The potentials of all nodes in one column.
     ///
     /// # Errors
@@ -149,6 +152,10 @@ impl RemoteFields for NotCopied {
         Err(self.0.clone())
     }
 
+    fn shape(&self) -> [usize; 2] {
+        [0, 0]
+    }
+
     fn potentials(&self, _column: usize) -> Result<Vec<f32>, SolveError> {
         Err(self.0.clone())
     }
@@ -171,6 +178,8 @@ pub(crate) struct RemoteSolver {
     /// By node and column.
     feeds: BTreeMap<(u32, u32), f64>,
     emptied: Vec<usize>,
+    /// Whether something changed since the last solve that was exact enough.
+    is_changed: bool,
     /// What links add to energies that does not depend on potentials of nodes, less what [`of_links`] has of it.
     constant: Vec<f64>,
     /// Room for what changed.
@@ -193,6 +202,7 @@ impl Clone for RemoteSolver {
             bodies: self.bodies.clone(),
             feeds: self.feeds.clone(),
             emptied: self.emptied.clone(),
+            is_changed: true,
             constant: self.constant.clone(),
             rows: Vec::new(),
             changed_feeds: Vec::new(),
@@ -213,6 +223,7 @@ impl RemoteSolver {
             bodies: vec![0.0; bodies * columns],
             feeds: BTreeMap::new(),
             emptied: (0..columns).collect(),
+            is_changed: true,
             constant: vec![0.0; columns * columns],
             rows: Vec::new(),
             changed_feeds: Vec::new(),
@@ -232,8 +243,24 @@ impl RemoteSolver {
         }
     }
 
+    /// Whether the fields are those of the last solve that was exact enough.
+    pub(crate) fn is_settled(&self) -> bool {
+        !self.is_changed && self.failed.is_none()
+    }
+
+    /// The last solve was exact enough.
+    pub(crate) fn settle(&mut self) {
+        self.is_changed = false;
+    }
+
+    /// Starts all columns from zero: a solve failed.
+    pub(crate) fn empty_all(&mut self) {
+        (0..self.columns).for_each(|column| self.empty(column));
+    }
+
     /// Starts a column from zero.
     pub(crate) fn empty(&mut self, column: usize) {
+        self.is_changed = true;
         if !self.emptied.contains(&column) {
             self.emptied.push(column);
         }
@@ -249,6 +276,7 @@ impl RemoteSolver {
             NodeRow { node, next, leak: matrix.link_weight(row) as f32, holder }
         }));
         self.collect_feeds(matrix);
+        self.is_changed |= !(self.rows.is_empty() && self.changed_feeds.is_empty());
         let changes = Changes { rows: &self.rows, feeds: &self.changed_feeds, emptied: &self.emptied };
         self.failed = self.remote.update(changes).err().or(self.failed.take());
         self.emptied.clear();
@@ -305,6 +333,10 @@ impl RemoteSolver {
         if let Some(error) = self.failed.take() {
             return Err(error);
         }
+        if !self.emptied.is_empty() {
+            self.remote.update(Changes { rows: &[], feeds: &[], emptied: &self.emptied })?;
+            self.emptied.clear();
+        }
         let mut solution = self.remote.solve(allowed, max_iterations)?;
         solution.energies.iter_mut().zip(&self.constant).for_each(|(energy, constant)| *energy += constant);
         match solution.energies.iter().position(|energy| !energy.is_finite()) {
@@ -315,13 +347,23 @@ impl RemoteSolver {
         }
     }
 
-    /// The potential of a row in one column. The nodes of a column are read back together; zeros where that fails, as the
-    /// next solve then does, too.
-    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
-        if let Some(body) = row.checked_sub(self.nodes) {
-            return self.bodies[body * self.columns + column];
+    /// Reads a column's potentials back, unless that was done since the last solve.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub(crate) fn read(&self, column: usize) -> Result<(), SolveError> {
+        if self.read[column].get().is_none() {
+            let potentials = self.remote.potentials(column)?;
+            let _ = self.read[column].set(potentials);
         }
-        let read = || self.remote.potentials(column).unwrap_or_else(|_| vec![0.0; self.nodes]);
-        f64::from(self.read[column].get_or_init(read)[row])
+        Ok(())
+    }
+
+    /// The potential of a row in one column; zero of nodes of a column that was not read.
+    pub(crate) fn potential(&self, column: usize, row: usize) -> f64 {
+        match row.checked_sub(self.nodes) {
+            Some(body) => self.bodies[body * self.columns + column],
+            None => self.read[column].get().map_or(0.0, |potentials| f64::from(potentials[row])),
+        }
     }
 }

@@ -18,8 +18,9 @@ struct Plan {
 }
 // What a launch is about: a level, an axis or a colour, the iteration, and up to which iteration it goes.
 struct Launch { level: u32, axis: u32, iteration: u32, end: u32 }
-// What changed in a scene: where rows and feeds stand, a bit for each column to start from zero, and whether to solve.
-struct Scene { rows_at: u32, rows: u32, feeds_at: u32, feeds: u32, emptied: u32, is_solved: u32, padding: vec2<u32> }
+// What changed in a scene: where rows and feeds stand, a bit for each column to start from zero; and whether to solve, with how
+// many iterations at most.
+struct Scene { rows_at: u32, rows: u32, feeds_at: u32, feeds: u32, emptied: u32, is_solved: u32, most_iterations: u32, padding: u32 }
 
 @group(0) @binding(0) var<uniform> launch: Launch;
 @group(0) @binding(1) var<uniform> plan: Plan;

@@ -75,7 +75,7 @@ pub struct Traffic {
     pub sent: u64,
     /// Bytes read back.
     pub received: u64,
-    /// Bytes that kernels of the iterations must read and write at least.
+    /// Bytes that kernels must read and write at least in the iterations that scenes took, caches aside.
     pub moved: u64,
 }
 
@@ -177,8 +177,8 @@ impl FieldDevice {
         })
     }
 
-    /// Tells the kernels of what changed in the scenes that are solved, and how far their energies may be from the least:
-    /// column by column.
+    /// Tells the kernels of what changed in the scenes, how far their energies may be from the least, column by column, and with
+    /// how many iterations at most they are solved, if they are.
     ///
     /// # Errors
     /// When the changes are more than the device takes.
@@ -186,13 +186,13 @@ impl FieldDevice {
         &mut self,
         changes: &[SceneChanges],
         allowed: &[f32],
-        is_solved: &[bool],
+        most_iterations: &[Option<u32>],
     ) -> Result<u64, RenderError> {
         let mut words = std::mem::take(&mut self.changes);
         words.clear();
         words.resize(HEADER * self.scenes, 0);
         words.extend(allowed.iter().map(|allowed| allowed.to_bits()));
-        for (scene, (changes, &is_solved)) in changes.iter().zip(is_solved).enumerate() {
+        for (scene, (changes, most)) in changes.iter().zip(most_iterations).enumerate() {
             let rows_at = words.len();
             words.extend(changes.rows.as_flattened());
             let feeds_at = words.len();
@@ -200,12 +200,15 @@ impl FieldDevice {
             let counts =
                 [rows_at, changes.rows.len(), feeds_at, changes.feeds.len()].map(|count| count as u32);
             words[HEADER * scene..][..4].copy_from_slice(&counts);
-            words[HEADER * scene + 4..][..2].copy_from_slice(&[changes.emptied, u32::from(is_solved)]);
+            let told = [changes.emptied, u32::from(most.is_some()), most.unwrap_or(0)];
+            words[HEADER * scene + 4..][..3].copy_from_slice(&told);
         }
         let bytes = 4 * words.len() as u64;
         if bytes > self.buffers.changes.size() {
             let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-            let size = bytes.next_power_of_two().min(self.adapter.limits.max_storage_buffer_binding_size);
+            // Whole words.
+            let size =
+                bytes.next_power_of_two().min(self.adapter.limits.max_storage_buffer_binding_size & !3);
             let reserve = Reserve { adapter: &self.adapter };
             self.buffers.changes = reserve.buffer("changes", size.max(bytes), storage)?;
             self.group =
@@ -226,7 +229,6 @@ impl FieldDevice {
         most_rows: usize,
         empties: bool,
     ) -> Result<(Vec<SceneResult>, Traffic), RenderError> {
-        let count = u64::from(iterations.end - iterations.start);
         let launches = self.sharing.launches(&self.plan, iterations, most_rows as u32, empties);
         let mut told = vec![0_u8; LAUNCH_STRIDE as usize * launches.len()];
         for (bytes, (_, launch, _)) in told.chunks_exact_mut(LAUNCH_STRIDE as usize).zip(&launches) {
@@ -248,7 +250,7 @@ impl FieldDevice {
             launches: launches.len(),
             sent: told.len() as u64,
             received: self.readback.size(),
-            moved: count * self.sharing.bytes_per_iteration(&self.plan) * self.scenes as u64,
+            moved: 0,
         };
         Ok((words.chunks_exact(self.results_len).map(|words| self.result(words)).collect(), traffic))
     }

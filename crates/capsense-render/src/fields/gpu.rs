@@ -38,11 +38,15 @@ struct Shared {
     device: FieldDevice,
     scenes: Vec<SceneState>,
     traffic: Traffic,
+    /// Why the device is of no further use.
+    failed: Option<SolveError>,
 }
 
 /// What the host keeps of a scene.
 #[derive(Clone, Debug, Default)]
 struct SceneState {
+    /// Whether a simulator has its fields.
+    is_taken: bool,
     changes: SceneChanges,
     /// What was announced: how far energies may be from the least.
     announced: Option<Vec<f32>>,
@@ -81,18 +85,18 @@ impl GpuFields {
         })?;
         let device = FieldDevice::new(adapter, plan, scenes)?;
         let scenes = vec![SceneState::default(); scenes];
-        Ok(Self { shared: Arc::new(Mutex::new(Shared { device, scenes, traffic: Traffic::default() })) })
+        let shared = Shared { device, scenes, traffic: Traffic::default(), failed: None };
+        Ok(Self { shared: Arc::new(Mutex::new(shared)) })
     }
 
-    /// The fields of one scene, for one simulator, that needs so many columns: those of the problem at most.
-    ///
-    /// # Panics
-    /// When there is no such scene, or there are fewer columns.
-    pub fn scene(&self, scene: usize, columns: usize) -> Box<dyn RemoteFields> {
-        let shared = self.lock();
-        let (scenes, most) = (shared.scenes.len(), shared.device.plan.columns);
-        assert!(scene < scenes && columns <= most, "scene {scene} of {scenes}, {columns} of {most} columns");
-        Box::new(SceneFields { fields: self.clone(), scene, columns })
+    /// The fields of one scene, for one simulator, that needs so many columns. `None` where there is no such scene, another
+    /// simulator was given its fields, or the problem has fewer columns.
+    pub fn scene(&self, scene: usize, columns: usize) -> Option<Box<dyn RemoteFields>> {
+        let mut shared = self.lock();
+        let fits = columns <= shared.device.plan.columns;
+        let state = shared.scenes.get_mut(scene).filter(|state| fits && !state.is_taken)?;
+        state.is_taken = true;
+        Some(Box::new(SceneFields { fields: self.clone(), scene, columns }))
     }
 
     /// Name of the adapter and its driver.
@@ -120,6 +124,21 @@ impl GpuFields {
         self.lock().device.adapter.device.destroy();
     }
 
+    /// How many scenes the adapter's limits allow at most, as far as networks and vectors go.
+    #[cfg(test)]
+    pub(super) fn most_scenes(&self) -> usize {
+        let device = &self.lock().device;
+        let limits = &device.adapter.limits;
+        let largest = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        let bytes = 4 * device.plan.network_len.max(device.plan.vectors_len);
+        largest as usize / bytes
+    }
+
+    #[cfg(test)]
+    pub(super) fn potentials(&self, scene: usize, column: usize) -> Vec<f32> {
+        self.lock().device.potentials(scene, column).unwrap()
+    }
+
     #[cfg(test)]
     pub(super) fn buffers_of(&self, scene: usize) -> [Vec<f32>; 2] {
         self.lock().device.buffers_of(scene)
@@ -127,10 +146,15 @@ impl GpuFields {
 }
 
 impl Shared {
+    fn check(&self) -> Result<(), SolveError> {
+        self.failed.clone().map_or(Ok(()), Err)
+    }
+
     /// Solves all scenes that were announced.
     fn solve(&mut self) -> Result<(), RenderError> {
         let columns = self.device.plan.columns;
-        let is_solved: Vec<bool> = self.scenes.iter().map(|scene| scene.announced.is_some()).collect();
+        let limit = |scene: &SceneState| scene.announced.is_some().then_some(scene.most_iterations);
+        let limits: Vec<Option<u32>> = self.scenes.iter().map(limit).collect();
         let nothing = vec![0.0; columns];
         let allowed: Vec<f32> = self
             .scenes
@@ -145,18 +169,18 @@ impl Shared {
         let rows =
             changes.iter().map(|changes| changes.rows.len().max(changes.feeds.len())).max().unwrap_or(0);
         let empties = changes.iter().any(|changes| changes.emptied != 0);
-        let sent = self.device.send(&changes, &allowed, &is_solved)?;
+        let sent = self.device.send(&changes, &allowed, &limits)?;
         let announced = || self.scenes.iter().filter(|scene| scene.announced.is_some());
         let most = announced().map(|scene| scene.most_iterations).max().unwrap_or(0).min(MOST_ITERATIONS);
         let first = announced().map(|scene| scene.last).max().unwrap_or(0).max(LEAST);
         let mut iterations = 0..first.min(most);
+        let of_iteration = self.device.sharing.bytes_per_iteration(&self.device.plan);
         let mut total = Traffic { sent, ..Traffic::default() };
         loop {
             let (results, traffic) = self.device.run(iterations.clone(), rows, empties)?;
             total.launches += traffic.launches;
             total.sent += traffic.sent;
             total.received += traffic.received;
-            total.moved += traffic.moved;
             let scenes = self.scenes.iter_mut().zip(results).filter(|(scene, _)| scene.announced.is_some());
             let mut goes_on = false;
             for (scene, result) in scenes {
@@ -164,6 +188,7 @@ impl Shared {
                 let is_enough = |(still, allowed): (&f64, &f32)| *still <= f64::from(*allowed);
                 goes_on |= !result.to_come.iter().zip(allowed).all(is_enough)
                     && result.iterations < scene.most_iterations;
+                total.moved += of_iteration * u64::from(result.iterations.saturating_sub(iterations.start));
                 scene.last = result.iterations;
                 scene.solved = Some(Solved { result, launches: total.launches });
             }
@@ -219,7 +244,11 @@ impl SceneState {
 
 impl RemoteFields for SceneFields {
     fn update(&mut self, changes: Changes<'_>) -> Result<(), SolveError> {
-        self.fields.lock().scenes[self.scene].take(&changes);
+        let mut shared = self.fields.lock();
+        shared.check()?;
+        let scene = &mut shared.scenes[self.scene];
+        scene.solved = None;
+        scene.take(&changes);
         Ok(())
     }
 
@@ -236,10 +265,15 @@ impl RemoteFields for SceneFields {
         max_iterations: usize,
     ) -> Result<RemoteSolution, SolveError> {
         let mut shared = self.fields.lock();
+        shared.check()?;
         if shared.scenes[self.scene].solved.is_none() {
             let columns = shared.device.plan.columns;
             shared.scenes[self.scene].announce(allowed, max_iterations, columns);
-            shared.solve().map_err(|error| SolveError::Device { reason: error.to_string() })?;
+            if let Err(error) = shared.solve() {
+                // Changes were told only in part, so nothing that the device has can be trusted any more.
+                shared.failed = Some(SolveError::Device { reason: error.to_string() });
+            }
+            shared.check()?;
         }
         let Solved { result, launches } = shared.scenes[self.scene]
             .solved
@@ -256,8 +290,13 @@ impl RemoteFields for SceneFields {
         })
     }
 
+    fn shape(&self) -> [usize; 2] {
+        [self.fields.lock().device.plan.nodes(), self.columns]
+    }
+
     fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {
         let shared = self.fields.lock();
+        shared.check()?;
         let potentials = shared.device.potentials(self.scene, column);
         potentials.map_err(|error| SolveError::Device { reason: error.to_string() })
     }

@@ -2,7 +2,7 @@
 
 fn scene_header() -> Scene {
     let at = scene * 8u;
-    return Scene(changes[at], changes[at + 1u], changes[at + 2u], changes[at + 3u], changes[at + 4u], changes[at + 5u], vec2<u32>());
+    return Scene(changes[at], changes[at + 1u], changes[at + 2u], changes[at + 3u], changes[at + 4u], changes[at + 5u], changes[at + 6u], 0u);
 }
 
 fn empty_columns() {
@@ -12,8 +12,21 @@ fn empty_columns() {
     for (var node = first; node < plan.grids[0].nodes; node += every) {
         let holder = holders[in_holders + node];
         for (var column = 0u; column < COLUMNS; column++) {
-            if ((emptied & (1u << min(column, 31u))) != 0u) {
-                vectors[in_vectors + plan.potential + column * stride + node] = select(0.0, 1.0, holder == column);
+            if ((emptied & (1u << column)) == 0u) { continue; }
+            let at = in_vectors + column * stride + node;
+            vectors[at + plan.potential] = select(0.0, 1.0, holder == column);
+            vectors[at + plan.steps.x] = 0.0;
+            vectors[at + plan.steps.y] = 0.0;
+        }
+    }
+    // What is no number must not come back from any level.
+    for (var number = 0u; number < plan.level_count; number++) {
+        let level = plan.levels[number];
+        for (var node = first; node < plan.grids[level.grid].nodes; node += every) {
+            for (var column = 0u; column < COLUMNS; column++) {
+                if ((emptied & (1u << column)) != 0u) {
+                    vectors[in_vectors + column * level.stride + level.correction + node] = 0.0;
+                }
             }
         }
     }
@@ -63,7 +76,7 @@ fn find_residual() {
         let is_solved = scene_header().is_solved == 1u;
         scratch[at] = 0.0;
         scratch[at + 1u] = 0.0;
-        scratch[at + 2u] = 0.0;
+        scratch[at + 2u] = select(0.0, LARGEST, is_solved);
         scratch[at + 3u] = select(0.0, 1.0, is_solved);
     }
     for (var node = first; node < grid.nodes; node += every) {
@@ -141,9 +154,9 @@ fn find_direction(iteration: u32) {
     }
 }
 
-// What a column's energy may still fall by: `iteration.rs`.
+// What a column's energy may still fall by: `iteration.rs`. Where r·z is not positive although there is a residual, or K is not
+// along the step, nothing is known, and going on would be of no use.
 fn to_come(drop: f32, before: f32, is_first: bool) -> f32 {
-    if (drop <= 0.0) { return 0.0; }
     if (is_first) { return LARGEST; }
     let ratio = select(MOST_RATIO, clamp(drop / max(before, LEAST), LEAST_RATIO, MOST_RATIO), before > 0.0);
     return CAUTION * drop * ratio / (1.0 - ratio);
@@ -164,13 +177,15 @@ fn advance(iteration: u32) {
             let last = record_at(iteration, column);
             let next = record_at(iteration + 1u, column);
             let drop = alpha * rz;
-            let still = to_come(drop, scratch[last + 1u], iteration == 0u);
+            let is_broken = !goes_on && rz != 0.0;
+            let still = select(to_come(drop, scratch[last + 1u], iteration == 0u), select(0.0, LARGEST, is_broken), !goes_on);
             let allowed = bitcast<f32>(changes[plan.allowed_at + scene * COLUMNS + column]);
             let was_active = is_active(iteration, column);
             scratch[next] = rz;
             scratch[next + 1u] = select(scratch[last + 1u], drop, was_active);
             scratch[next + 2u] = select(scratch[last + 2u], still, was_active);
-            scratch[next + 3u] = select(0.0, 1.0, was_active && still > allowed);
+            let may_go_on = was_active && goes_on && iteration + 1u < scene_header().most_iterations;
+            scratch[next + 3u] = select(0.0, 1.0, may_go_on && still > allowed);
         }
     }
     if (!any_active(iteration)) { return; }

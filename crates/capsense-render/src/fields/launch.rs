@@ -132,10 +132,10 @@ impl Sharing {
         let mut all = Vec::new();
         let none = Launch::default();
         if first == 0 {
+            all.push((Kernel::Changes, none, groups(changed_rows)));
             if empties {
                 all.push((Kernel::Empty, none, groups(plan.grids[0].nodes)));
             }
-            all.push((Kernel::Changes, none, groups(changed_rows)));
             for (level, transfer) in plan.transfers[..self.tail].iter().enumerate() {
                 for axis in (0..3).filter(|&axis| transfer.grids[axis] != transfer.grids[axis + 1]) {
                     let coarse = plan.grids[transfer.grids[axis + 1] as usize].nodes;

@@ -96,9 +96,9 @@ fn step_tail(@builtin(local_invocation_id) local: vec3<u32>, @builtin(workgroup_
 fn whole_scene(@builtin(local_invocation_id) local: vec3<u32>, @builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     take_share(local, group, groups);
     if (launch.iteration == 0u) {
-        empty_columns();
-        wait();
         take_changes();
+        wait();
+        empty_columns();
         wait();
         coarsen_from(0u);
         find_residual();

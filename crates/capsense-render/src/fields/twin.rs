@@ -492,9 +492,14 @@ impl RemoteFields for TwinFields {
                 }
                 last[column] = rz;
                 let drop = alpha * rz;
-                to_go[column] = if drop == 0.0 { 0.0 } else { to_come(drop, drops[column].last().copied()) };
+                to_go[column] = match (drop > 0.0, rz == 0.0) {
+                    (true, _) => to_come(drop, drops[column].last().copied()),
+                    (false, true) => 0.0,
+                    (false, false) => f32::MAX,
+                };
                 drops[column].push(drop);
-                active[column] = allowed.is_none_or(|allowed| f64::from(to_go[column]) > allowed[column]);
+                active[column] =
+                    drop > 0.0 && allowed.is_none_or(|allowed| f64::from(to_go[column]) > allowed[column]);
             }
             twin.scale_red(0);
             iterations += 1;
@@ -502,6 +507,11 @@ impl RemoteFields for TwinFields {
         let (energies, residual) = twin.evaluate();
         let to_come = to_go.into_iter().map(f64::from).collect();
         Ok(RemoteSolution { energies, to_come, iterations, residual, launches: 0 })
+    }
+
+    fn shape(&self) -> [usize; 2] {
+        let plan = &self.twin.lock().unwrap().plan;
+        [plan.nodes(), plan.columns]
     }
 
     fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {

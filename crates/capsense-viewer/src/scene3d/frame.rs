@@ -120,8 +120,11 @@ impl Frame3dBuilder {
     fn potentials(&mut self, simulator: &Simulator) -> Vec<Vec<f32>> {
         (0..simulator.capacitance().size())
             .map(|electrode| {
-                simulator.potentials(electrode, &mut self.potentials);
-                self.potentials.iter().map(|&volts| volts as f32).collect()
+                // Of a device that failed there are none, which the next frame tells.
+                match simulator.potentials(electrode, &mut self.potentials) {
+                    Ok(()) => self.potentials.iter().map(|&volts| volts as f32).collect(),
+                    Err(_) => Vec::new(),
+                }
             })
             .collect()
     }
