@@ -175,13 +175,13 @@ fn what_is_removed_takes_its_pose_along() {
 
 #[test]
 fn settings_of_the_simulation_are_those_of_the_scene() {
-    let mut harness = panel([272.0, 240.0], Theme::Dark, session(), simulation::ui);
+    let mut harness = panel([272.0, 280.0], Theme::Dark, session(), simulation::ui);
     harness.snapshot_options("simulation", &options());
     harness.get_by_label("solids").click();
     harness.run_steps(1);
     settle(harness.state_mut());
     let open = harness.state().open.as_ref().unwrap();
-    assert_eq!(open.renderer, "exact solids");
+    assert_eq!((open.renderer.as_str(), open.device.as_str()), ("exact solids", "CPU"));
 }
 
 #[test]
