@@ -3,7 +3,7 @@
 //! them. Here is the same without either.
 //!
 //! It steps in where egui hands its output to the window: what was drawn is cut into triangles, and paint callbacks, which
-//! egui's painter has to call, go on as they are; what lies between two of them becomes one callback more ([`Batch`]).
+//! egui's painter has to call, go on as they are; what lies between two of them becomes one callback more (`Batch`).
 
 mod canvas;
 
