@@ -3,16 +3,16 @@
 //! Without a real graphics adapter there is nothing to time: kernels are compiled and run once in software, which says that
 //! they work, never how fast they are. `scripts/gpu.sh` makes a table of it.
 
+mod common;
+
 use capsense::core::batch::Batch;
-use capsense::core::electrode::{Electrode, Outline};
-use capsense::core::geometry::{Aabb, Pose, Shape};
-use capsense::core::glam::{DQuat, DVec2, DVec3};
+use capsense::core::geometry::Pose;
+use capsense::core::glam::{DQuat, DVec3};
 use capsense::core::material::{Connection, Material};
 use capsense::core::occupancy::Interface;
-use capsense::core::sensor::{Sensor, SensorDesign, Wall};
+use capsense::core::sensor::Sensor;
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
-use capsense::core::solver::SolverOptions;
 use capsense::render::RenderError;
 use capsense::render::fields::GpuFields;
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -23,20 +23,14 @@ const BAR: Material = Material::Conductor(Connection::Grounded);
 
 /// Meshes of one scene, and of the scenes of a batch.
 const TETS: [usize; 4] = [24_000, 200_000, 1_500_000, 12_000_000];
+/// The largest that is run once in software, to count launches and bytes.
+const IN_SOFTWARE: usize = 200_000;
 const BATCH: (usize, usize) = (24_000, 256);
 
-/// Three stripes in a box of 0.6 m.
+/// The stripes of the other benches.
 fn sensor(tets: usize) -> Sensor {
-    let domain = Aabb { min: DVec3::new(-0.3, -0.3, -0.2), max: DVec3::new(0.3, 0.3, 0.4) };
-    let stripe = |x: f64, name: &str| Electrode {
-        name: name.into(),
-        outline: Outline::Rectangle { center: DVec2::new(x, 0.0), size: DVec2::new(0.04, 0.2) },
-        z: 0.0,
-    };
-    let electrodes = vec![stripe(-0.06, "E1"), stripe(0.0, "E2"), stripe(0.06, "E3")];
-    let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
-    let lattice = design.lattice(tets).expect("the stripes fit the domain");
-    Sensor::on_lattice(&design, &lattice).expect("a lattice made for them resolves the stripes")
+    let lattice = common::design().lattice(tets).expect("the stripes fit the domain");
+    common::on_lattice(&lattice)
 }
 
 /// A bar that moves 1 mm a frame towards the stripes and away, between 50 and 100 mm above them.
@@ -48,18 +42,20 @@ fn place(solids: &mut Solids, frame: usize) {
 }
 
 fn solids() -> Solids {
-    Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.05, 0.05) }]).expect("a box is a solid")
-}
-
-fn options() -> SolverOptions {
-    SolverOptions { threads: Some(1), ..SolverOptions::default() }
+    Solids::new(&[common::BAR]).expect("a box is a solid")
 }
 
 fn simulator_on(sensor: &Sensor, gpu: &GpuFields, scene: usize) -> Simulator {
     let columns = sensor.electrode_names().len();
     let fields = gpu.scene(scene, columns).expect("each scene is asked for once");
-    Simulator::with_remote(sensor.clone(), vec![BAR], options(), Interface::EdgeCut, fields)
-        .expect("the empty scene has a solution")
+    Simulator::with_remote(
+        sensor.clone(),
+        vec![BAR],
+        common::solver_options(Some(1)),
+        Interface::EdgeCut,
+        fields,
+    )
+    .expect("the empty scene has a solution")
 }
 
 fn fields(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
@@ -113,6 +109,9 @@ fn gpu_step(criterion: &mut Criterion) {
             place(&mut solids, index);
             let _ = on_gpu.step(&solids).expect("a frame is solved");
         });
+        if gpu.is_software() && tets < IN_SOFTWARE {
+            continue;
+        }
         if gpu.is_software() {
             println!("{name}: larger meshes and timing skipped, as there is no real graphics adapter");
             break;
@@ -128,8 +127,8 @@ fn gpu_step(criterion: &mut Criterion) {
         if tets > 2_000_000 {
             continue;
         }
-        let mut on_cpu =
-            Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
+        let mut on_cpu = Simulator::new(sensor, vec![BAR], common::solver_options(Some(1)))
+            .expect("the empty scene has a solution");
         group.bench_function(format!("{name}, one core of the processor"), |bencher| {
             bencher.iter(|| {
                 index += 1;
@@ -172,7 +171,8 @@ fn gpu_batch(criterion: &mut Criterion) {
             frame(index);
         });
     });
-    let simulator = Simulator::new(sensor, vec![BAR], options()).expect("the empty scene has a solution");
+    let simulator = Simulator::new(sensor, vec![BAR], common::solver_options(Some(1)))
+        .expect("the empty scene has a solution");
     let mut on_cpu = Batch::new(vec![simulator; scenes]);
     let mut all = vec![solids(); scenes];
     group.bench_function(format!("{name}, processor, all cores"), |bencher| {

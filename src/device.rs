@@ -45,8 +45,7 @@ pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineEr
 /// The simulator of a scene on a graphics adapter.
 pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
     let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
-    let problem = Simulator::remote_problem(&sensor, &materials)
-        .ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
+    let problem = Simulator::remote_problem(&sensor, &materials)?;
     let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
     let fields = gpu
         .scene(0, problem.columns)

@@ -106,10 +106,14 @@ impl Simulator {
         Self::build(sensor, materials, options, interface, None)
     }
 
-    /// What fields elsewhere are made for; `None` where the mesh is no lattice.
-    pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Option<RemoteProblem> {
+    /// What fields elsewhere are made for.
+    ///
+    /// # Errors
+    /// When the sensor's mesh is no lattice.
+    pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Result<RemoteProblem, SimulatorError> {
         let columns = sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count();
-        sensor.lattice().map(|lattice| RemoteProblem { lattice: lattice.clone(), columns })
+        let lattice = sensor.lattice().ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
+        Ok(RemoteProblem { lattice: lattice.clone(), columns })
     }
 
     /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
@@ -127,10 +131,9 @@ impl Simulator {
     ) -> Result<Self, SimulatorError> {
         let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
         let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
-        refusal::check_remote(&sensor, &materials, &options)?;
-        let made_for = Self::remote_problem(&sensor, &materials)
-            .map(|problem| [sensor.mesh().nodes().len(), problem.columns]);
-        if made_for != Some(remote.shape()) {
+        refusal::check_remote(&materials, &options)?;
+        let problem = Self::remote_problem(&sensor, &materials)?;
+        if [sensor.mesh().nodes().len(), problem.columns] != remote.shape() {
             return Err(SimulatorError::NotForDevice(
                 "its fields were made for another mesh or other objects",
             ));

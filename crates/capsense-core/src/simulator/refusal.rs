@@ -92,8 +92,7 @@ const WITHOUT_PRECONDITIONER: std::ops::RangeInclusive<f64> = 0.1..=1e3;
 /// capsense-render); with 1000 it was not always.
 const ON_DEVICE: f64 = 100.0;
 
-/// Why a device does not take a scene.
-pub(super) const NO_LATTICE: &str = "the mesh is no lattice";
+/// Why a device does not take a tolerance.
 const TOO_FINE: &str = "single precision allows tolerances of C from 1e-7, with strong dielectrics from 1e-6, and none of its change";
 
 /// The finest tolerance for a device; written out in [`TOO_FINE`].
@@ -140,14 +139,7 @@ pub(super) fn check(
 }
 
 /// Refuses what a device cannot solve for.
-pub(super) fn check_remote(
-    sensor: &Sensor,
-    materials: &[Material],
-    options: &SolverOptions,
-) -> Result<(), SimulatorError> {
-    if sensor.lattice().is_none() {
-        return Err(SimulatorError::NotForDevice(NO_LATTICE));
-    }
+pub(super) fn check_remote(materials: &[Material], options: &SolverOptions) -> Result<(), SimulatorError> {
     if options.preconditioner != Preconditioner::Multigrid {
         return Err(SimulatorError::NotForDevice("the preconditioner is not multigrid"));
     }

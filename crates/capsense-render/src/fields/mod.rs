@@ -17,6 +17,8 @@ mod shader;
 mod tests;
 #[cfg(test)]
 mod twin;
+#[cfg(test)]
+mod twin_fields;
 
 pub use device::Traffic;
 pub use gpu::{GpuFields, has_adapter};

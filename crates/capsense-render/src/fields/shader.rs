@@ -51,6 +51,8 @@ mod tests {
             entries.sort_unstable();
             named.sort_unstable();
             assert_eq!(entries, named);
+            // Pipelines are found by a kernel's number.
+            assert!(KERNELS.iter().enumerate().all(|(number, kernel)| *kernel as usize == number));
         }
     }
 }

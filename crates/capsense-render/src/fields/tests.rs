@@ -2,7 +2,7 @@
 
 use super::GpuFields;
 use super::plan::Plan;
-use super::twin::TwinFields;
+use super::twin_fields::TwinFields;
 use crate::error::RenderError;
 use capsense_core::batch::Batch;
 use capsense_core::electrode::{Electrode, Outline};
@@ -90,6 +90,7 @@ fn devices_and_twins_compute_what_the_processors_solver_does() {
             for ours in &mut all {
                 let report = ours.step(&solids).unwrap();
                 let worst = difference(ours, &expected);
+                println!("{tets} tetrahedra, {material:?}, frame {frame}: {worst:.1e} {:?}", report.solve);
                 assert!(worst < ERROR, "{tets} {material:?}, frame {frame}: {worst:e} {report:?}");
                 assert!(report.solve.relative_error <= 1.1 * OPTIONS.tolerance, "{report:?}");
             }
