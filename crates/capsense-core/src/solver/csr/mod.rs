@@ -322,7 +322,8 @@ impl<const L: usize> Solver<L> {
     fn descend(&mut self) {
         for index in 0..self.groups.len() {
             let kx = &self.groups[index].kx;
-            let Told { gains, of_finest, residual } = self.inverse.descend(index, &self.rows, kx, &self.workers);
+            let Told { gains, of_finest, residual } =
+                self.inverse.descend(index, &self.rows, kx, &self.workers);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 let (row, column) = (index * L + s, index * L + t);
                 if row < self.columns && column < self.columns {
