@@ -25,7 +25,7 @@ const VARIANCE: f64 = 0.01;
 const LEAST_VARIANCE: f64 = 1e-3;
 
 /// A ratio is known to so many of its standard deviations, and no better than to a part of it.
-const CAUTION: [f64; KINDS] = [2.5, 4.5, 4.5];
+const CAUTION: [f64; KINDS] = [3.0, 4.5, 4.5];
 const LEAST: [f64; KINDS] = [0.06, 0.45, 0.45];
 
 /// What a ratio weighs once another was seen.
