@@ -13,6 +13,8 @@ mod launch;
 mod plan;
 mod rules;
 mod shader;
+#[allow(dead_code)]
+mod solids;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

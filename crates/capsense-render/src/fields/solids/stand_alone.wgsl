@@ -1,0 +1,76 @@
+// What the files before ask for, and a kernel for each step.
+
+struct Material { kind: u32, permittivity: f32 }
+struct Told { counts: vec3<u32>, nodes: u32 }
+
+@group(0) @binding(0) var<uniform> told: Told;
+@group(0) @binding(1) var<storage, read> planes: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> marks: array<u32>;
+@group(0) @binding(3) var<storage, read> backgrounds: array<f32>;
+@group(0) @binding(4) var<storage, read> solids: array<Solid>;
+@group(0) @binding(5) var<storage, read> materials: array<Material>;
+@group(0) @binding(6) var<storage, read> edge_boxes: array<EdgeBox>;
+@group(0) @binding(7) var<storage, read_write> conductors: array<u32>;
+@group(0) @binding(8) var<storage, read_write> wedges: array<vec4<u32>>;
+@group(0) @binding(9) var<storage, read_write> couplings: array<vec4<u32>>;
+
+const OF_SENSOR: u32 = 1u;
+const OF_ELECTRODE: u32 = 2u;
+const HOMOGENEOUS: u32 = 4u;
+const CONDUCTOR: u32 = 0u;
+
+fn plane_counts() -> vec3<u32> { return told.counts; }
+fn plane_at(axis: u32, index: u32) -> vec3<f32> {
+    let first = select(0u, told.counts.x, axis > 0u) + select(0u, told.counts.y, axis > 1u);
+    return planes[first + index].xyz;
+}
+fn solid_of(object: u32) -> Solid { return solids[object]; }
+fn is_conductor(object: u32) -> bool { return materials[object].kind == CONDUCTOR; }
+fn permittivity_of(object: u32) -> f32 { return materials[object].permittivity; }
+fn tree_of_edges(at: u32) -> EdgeBox { return edge_boxes[at]; }
+fn is_sensors(node: u32) -> bool { return (marks[node] & OF_SENSOR) != 0u; }
+fn is_electrodes(node: u32) -> bool { return (marks[node] & OF_ELECTRODE) != 0u; }
+fn is_homogeneous(node: u32) -> bool { return (marks[node] & HOMOGENEOUS) != 0u; }
+fn conductor_at(node: u32) -> u32 { return conductors[node]; }
+fn background_of(edge: u32) -> f32 { return backgrounds[edge]; }
+fn wedge_of(node: u32) -> Wedge {
+    let words = wedges[node];
+    return Wedge(words.x & 0xffffu, (words.x >> 16u) != 0u, bitcast<f32>(words.y), bitcast<f32>(words.z), bitcast<f32>(words.w));
+}
+
+@compute @workgroup_size(64)
+fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
+    let node = id.x;
+    if (node >= told.nodes) { return; }
+    var holder = NO_OBJECT;
+    if (!is_sensors(node)) {
+        let spot = spot_of(place_of_node(node));
+        for (var object = OBJECTS; object > 0u; object--) {
+            if (is_conductor(object - 1u) && object_contains(object - 1u, spot)) { holder = object - 1u; }
+        }
+    }
+    conductors[node] = holder;
+}
+
+@compute @workgroup_size(64)
+fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
+    let node = id.x;
+    if (node >= told.nodes) { return; }
+    var wedge = NO_WEDGE;
+    if (conductors[node] == NO_OBJECT) { wedge = wedge_at(star_at(node, place_of_node(node))); }
+    let word = wedge.object | select(0u, 0x10000u, wedge.is_all);
+    wedges[node] = vec4<u32>(word, bitcast<u32>(wedge.share), bitcast<u32>(wedge.link), bitcast<u32>(wedge.potential));
+}
+
+@compute @workgroup_size(64)
+fn find_couplings(@builtin(global_invocation_id) id: vec3<u32>) {
+    let node = id.x;
+    if (node >= told.nodes) { return; }
+    let star = star_at(node, place_of_node(node));
+    for (var axis = 0u; axis < 3u; axis++) {
+        var coupling = PLAIN;
+        if (star.above[axis] > 0.0) { coupling = coupling_of(edge_from(star, axis)); }
+        let objects = coupling.object.x | (coupling.object.y << 16u);
+        couplings[3u * node + axis] = vec4<u32>(bitcast<u32>(coupling.through), bitcast<u32>(coupling.factor.x), bitcast<u32>(coupling.factor.y), objects);
+    }
+}
