@@ -11,7 +11,7 @@ fn only_through(through: f32) -> Coupling { return Coupling(through, vec2<f32>(0
 alias Spans = array<Span, OBJECTS>;
 
 fn spans_between(spans: ptr<function, Spans>, a: Spot, b: Spot) {
-    for (var object = 0u; object < OBJECTS; object++) { (*spans)[object] = object_span(object, a, b); }
+    for (var object = 0u; object < object_count(); object++) { (*spans)[object] = object_span(object, a, b); }
 }
 
 // A conductor that is met first when coming from one end, and where.
@@ -20,7 +20,7 @@ struct Met { object: u32, at: f32 }
 fn met_from(spans: ptr<function, Spans>, owners: vec2<u32>, end: u32) -> Met {
     if (owners[end] != NO_OBJECT) { return Met(owners[end], f32(end)); }
     var met = Met(NO_OBJECT, 0.0);
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         let span = (*spans)[object];
         if (!is_met(span) || !is_conductor(object)) { continue; }
         let place = select(span.enter, span.leave, end == 1u);
@@ -41,9 +41,9 @@ fn series(spans: ptr<function, Spans>, background: f32, a: f32, end: f32) -> f32
     var sum = 0.0;
     var begin = a;
     // Each piece ends where a span begins or ends.
-    for (var piece = 0u; piece < 2u * OBJECTS + 1u && begin < b; piece++) {
+    for (var piece = 0u; piece < 2u * object_count() + 1u && begin < b; piece++) {
         var to = b;
-        for (var object = 0u; object < OBJECTS; object++) {
+        for (var object = 0u; object < object_count(); object++) {
             let span = (*spans)[object];
             if (is_conductor(object) || !is_met(span)) { continue; }
             if (span.enter > begin) { to = min(to, span.enter); }
@@ -51,7 +51,7 @@ fn series(spans: ptr<function, Spans>, background: f32, a: f32, end: f32) -> f32
         }
         let middle = 0.5 * (begin + to);
         var ratio = 1.0;
-        for (var object = 0u; object < OBJECTS; object++) {
+        for (var object = 0u; object < object_count(); object++) {
             let span = (*spans)[object];
             if (is_conductor(object) || !is_met(span)) { continue; }
             if (span.enter <= middle && middle <= span.leave) {

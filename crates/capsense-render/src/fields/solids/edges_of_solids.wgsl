@@ -38,7 +38,7 @@ fn any_object_near(edge: Edge) -> bool {
     let low = -max(edge.star.below, vec3<f32>(0.0));
     let middle = 0.5 * (low + edge.star.above);
     let half = 0.5 * (edge.star.above - low);
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         let solid = solid_of(object);
         if (is_in_bounds(solid, from_origin(solid, edge.begin) + middle, half)) { return true; }
     }
@@ -53,7 +53,7 @@ const UNEVEN: u32 = 2u;
 // The box is given by its middle from the edge's start and half its size.
 fn filling(edge: Edge, middle: vec3<f32>, half: vec3<f32>) -> u32 {
     var found = NOTHING;
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         if (is_conductor(object)) { continue; }
         let solid = solid_of(object);
         let begin = from_origin(solid, edge.begin) + middle;
@@ -81,7 +81,7 @@ fn place_of_line(line: u32) -> vec2<f32> {
 // What multiplies the weight of an edge that weak dielectrics alone are near; -1 where nothing is, or others are.
 fn along_lines(edge: Edge, on_edge: ptr<function, Spans>, spans: ptr<function, Spans>) -> f32 {
     var has_weak = false;
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         has_weak = has_weak || is_weak(object);
         if (is_met((*on_edge)[object]) && !is_weak(object)) { return -1.0; }
     }
@@ -128,7 +128,7 @@ fn along_lines(edge: Edge, on_edge: ptr<function, Spans>, spans: ptr<function, S
             shift[b] += place.x * offset[b];
             shift[c] += place.y * offset[c];
             spans_between(spans, moved(edge.begin, shift), moved(edge.end, shift));
-            for (var object = 0u; object < OBJECTS; object++) {
+            for (var object = 0u; object < object_count(); object++) {
                 if (is_conductor(object)) {
                     (*spans)[object] = NO_SPAN;
                 } else if (is_met((*spans)[object])) {
@@ -169,7 +169,7 @@ fn in_face(edge: Edge, on_edge: ptr<function, Spans>, spans: ptr<function, Spans
     let c = (edge.axis + 2u) % 3u;
     var may_hold = false;
     var has_strong = false;
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         has_strong = has_strong || !(is_conductor(object) || is_weak(object));
         if (is_conductor(object) || is_met((*on_edge)[object])) { continue; }
         let solid = solid_of(object);
@@ -189,7 +189,7 @@ fn in_face(edge: Edge, on_edge: ptr<function, Spans>, spans: ptr<function, Spans
         beside[b] = select(-away, away, is_above.x);
         beside[c] = select(-away, away, is_above.y);
         spans_between(spans, moved(edge.begin, beside), moved(edge.end, beside));
-        for (var object = 0u; object < OBJECTS; object++) {
+        for (var object = 0u; object < object_count(); object++) {
             if (!is_met((*spans)[object])) { continue; }
             if (is_conductor(object)) { return -1.0; }
             lies_in_one = lies_in_one || !is_met((*on_edge)[object]);
@@ -214,7 +214,7 @@ fn at_silhouette(edge: Edge, on_edge: ptr<function, Spans>, cut: Coupling) -> Co
     var conductors = 0u;
     var objects = 0u;
     var conductor = NO_OBJECT;
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         if (!is_met((*on_edge)[object])) { continue; }
         objects++;
         if (is_conductor(object)) {
@@ -234,7 +234,7 @@ fn at_silhouette(edge: Edge, on_edge: ptr<function, Spans>, cut: Coupling) -> Co
     }
     if (objects > 0u || any(edge.owners != UNLINKED)) { return cut; }
     // What a conductor beside an edge that meets no object makes of it, if there is one alone.
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         if (!is_conductor(object)) { continue; }
         let solid = solid_of(object);
         let tube = tube_of(edge.star, edge.axis, solid);

@@ -275,12 +275,12 @@ fn wedge_at(star: Star) -> Wedge {
     let spot = spot_of(star.place);
     var found = NO_OBJECT;
     var share = 1.0;
-    for (var object = 0u; object < OBJECTS; object++) {
+    for (var object = 0u; object < object_count(); object++) {
         let solid = solid_of(object);
         let begin = from_origin(solid, spot);
         let half = half_bounds(solid);
         var away = 0.0;
-        if (OBJECTS > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
+        if (object_count() > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
         if (away >= FAR) { continue; }
         var own = -1.0;
         if (found == NO_OBJECT) { own = own_share(star, object, solid, begin); }

@@ -9,7 +9,7 @@
 //   fn tree_of_edges(at: u32) -> EdgeBox
 //   fn plane_at(axis: u32, index: u32) -> vec3<f32>: the plane in two parts, and how far the next one is, zero behind the last
 //   fn plane_counts() -> vec3<u32>
-// OBJECTS, how many there are (no array is of none), stands before this.
+//   fn object_count() -> u32, no more than OBJECTS, which stands before this: compilers would write loops to a constant out
 
 const BOX: u32 = 0u;
 const CAPSULE: u32 = 1u;

@@ -1,7 +1,7 @@
 // What the files before ask for, and a kernel for each step.
 
 struct Material { kind: u32, permittivity: f32 }
-struct Told { counts: vec3<u32>, nodes: u32 }
+struct Told { counts: vec3<u32>, nodes: u32, objects: u32 }
 
 @group(0) @binding(0) var<uniform> told: Told;
 @group(0) @binding(1) var<storage, read> planes: array<vec4<f32>>;
@@ -19,6 +19,7 @@ const OF_ELECTRODE: u32 = 2u;
 const HOMOGENEOUS: u32 = 4u;
 const CONDUCTOR: u32 = 0u;
 
+fn object_count() -> u32 { return told.objects; }
 fn plane_counts() -> vec3<u32> { return told.counts; }
 fn plane_at(axis: u32, index: u32) -> vec3<f32> {
     let first = select(0u, told.counts.x, axis > 0u) + select(0u, told.counts.y, axis > 1u);
@@ -45,7 +46,7 @@ fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
     var holder = NO_OBJECT;
     if (!is_sensors(node)) {
         let spot = spot_of(place_of_node(node));
-        for (var object = OBJECTS; object > 0u; object--) {
+        for (var object = object_count(); object > 0u; object--) {
             if (is_conductor(object - 1u) && object_contains(object - 1u, spot)) { holder = object - 1u; }
         }
     }

@@ -6,11 +6,14 @@ use bytemuck::{Pod, Zeroable};
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
-use capsense_core::occupancy::{Coupling, EdgeGeometry, Occupancy};
-use capsense_core::sensor::{Sensor, SensorDesign, Wall};
+use capsense_core::occupancy::{Coupling, EdgeGeometry, NO_OBJECT, Occupancy};
+use capsense_core::sensor::{Sensor, SensorDesign, Substrate, Wall};
 use capsense_core::solids::Solids;
 use capsense_core::stiffness::EdgeNetwork;
 use glam::{DQuat, DVec2, DVec3};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 use wgpu::util::DeviceExt;
 
 const NEEDS: (wgpu::DownlevelFlags, &str) =
@@ -38,6 +41,8 @@ fn the_functions_are_valid() {
 struct Told {
     counts: [u32; 3],
     nodes: u32,
+    objects: u32,
+    padding: [u32; 3],
 }
 
 /// The kernels for some scene on one lattice.
@@ -45,7 +50,8 @@ struct Finder {
     adapter: Adapter,
     network: EdgeNetwork,
     sensor: Sensor,
-    module: Vec<(usize, wgpu::ShaderModule)>,
+    /// For so many objects.
+    pipelines: Vec<(usize, Vec<wgpu::ComputePipeline>)>,
 }
 
 struct Found {
@@ -57,7 +63,7 @@ struct Found {
 impl Finder {
     fn new(sensor: Sensor) -> Self {
         let adapter = Adapter::open("capsense solids", true, NEEDS).unwrap();
-        Self { adapter, network: EdgeNetwork::of_sensor(&sensor), sensor, module: Vec::new() }
+        Self { adapter, network: EdgeNetwork::of_sensor(&sensor), sensor, pipelines: Vec::new() }
     }
 
     fn geometry(&self) -> EdgeGeometry<'_> {
@@ -77,12 +83,13 @@ impl Finder {
 
     fn found(&mut self, solids: &Solids, materials: &[Material]) -> Found {
         let objects = materials.len();
-        if !self.module.iter().any(|(count, _)| *count == objects) {
-            let source = wgpu::ShaderSource::Wgsl(stand_alone(objects).into());
-            let descriptor = wgpu::ShaderModuleDescriptor { label: None, source };
-            self.module.push((objects, self.adapter.device.create_shader_module(descriptor)));
+        if !self.pipelines.iter().any(|(count, _)| *count == objects) {
+            let start = std::time::Instant::now();
+            let pipelines = self.pipelines_for(objects);
+            println!("compiled {:?}", start.elapsed());
+            self.pipelines.push((objects, pipelines));
         }
-        let (_, module) = self.module.iter().find(|(count, _)| *count == objects).unwrap();
+        let (_, pipelines) = self.pipelines.iter().find(|(count, _)| *count == objects).unwrap();
         let device = &self.adapter.device;
         let lattice = self.sensor.lattice().unwrap();
         let nodes = self.sensor.mesh().nodes().len();
@@ -103,7 +110,8 @@ impl Finder {
         };
         let storage = wgpu::BufferUsages::STORAGE;
         let counts = lattice.node_counts().map(|count| count as u32);
-        let told_counts = Told { counts, nodes: nodes as u32 };
+        let told_counts =
+            Told { counts, nodes: nodes as u32, objects: objects as u32, padding: [0; 3] };
         let buffers = [
             input(bytemuck::bytes_of(&told_counts), wgpu::BufferUsages::UNIFORM),
             input(bytemuck::cast_slice(&planes(lattice)), storage),
@@ -127,22 +135,9 @@ impl Finder {
             entries: &entries,
         });
         let mut encoder = device.create_command_encoder(&Default::default());
-        for entry in ["find_conductors", "find_wedges", "find_couplings"] {
-            let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: None,
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
-            let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: None,
-                layout: Some(&pipeline_layout),
-                module,
-                entry_point: Some(entry),
-                compilation_options: Default::default(),
-                cache: None,
-            });
+        for pipeline in pipelines {
             let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&pipeline);
+            pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &group, &[]);
             pass.dispatch_workgroups(nodes.div_ceil(64) as u32, 1, 1);
         }
@@ -160,6 +155,28 @@ impl Finder {
             wedges: wedges.chunks_exact(4).map(|words| [words[0], words[1], words[2], words[3]]).collect(),
             couplings: couplings.collect(),
         }
+    }
+
+    fn pipelines_for(&self, objects: usize) -> Vec<wgpu::ComputePipeline> {
+        let device = &self.adapter.device;
+        let source = wgpu::ShaderSource::Wgsl(stand_alone(objects).into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: None,
+            bind_group_layouts: &[Some(&self.layout())],
+            immediate_size: 0,
+        });
+        let pipeline = |entry| {
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: None,
+                layout: Some(&layout),
+                module: &module,
+                entry_point: Some(entry),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        };
+        ["find_conductors", "find_wedges", "find_couplings"].map(pipeline).into()
     }
 
     fn layout(&self) -> wgpu::BindGroupLayout {
@@ -206,6 +223,9 @@ impl Finder {
     }
 }
 
+/// Scenes thrown by dice.
+const CASES: usize = 60;
+
 const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 
 fn dielectric(permittivity: f64) -> Material {
@@ -213,7 +233,7 @@ fn dielectric(permittivity: f64) -> Material {
 }
 
 /// Three stripes in a box of 0.6 m.
-fn sensor(tets: usize) -> Sensor {
+fn sensor(tets: usize, on_board: bool) -> Sensor {
     let domain = Aabb { min: DVec3::new(-0.3, -0.3, -0.2), max: DVec3::new(0.3, 0.3, 0.4) };
     let stripe = |x: f64, name: &str| Electrode {
         name: name.into(),
@@ -221,64 +241,119 @@ fn sensor(tets: usize) -> Sensor {
         z: 0.0,
     };
     let electrodes = vec![stripe(-0.06, "E1"), stripe(0.0, "E2"), stripe(0.06, "E3")];
-    let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
+    let board = Substrate {
+        thickness: 0.02,
+        relative_permittivity: RelativePermittivity::new(4.4).unwrap(),
+        size: DVec2::new(0.3, 0.3),
+        grounded_back: false,
+    };
+    let substrate = on_board.then_some(board);
+    let design = SensorDesign { domain, electrodes, substrate, wall: Wall::Grounded };
     Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap()
 }
 
-/// Errors of couplings of more than this count as found otherwise, not rounded otherwise.
-const ROUNDED: f64 = 1e-3;
+/// A row of the stiffness matrix: the weights to the next nodes, and the sum of those of its links.
+fn rows_of(network: &EdgeNetwork, nodes: usize, couplings: &[Coupling]) -> Vec<[f64; 4]> {
+    let mut rows = vec![[0.0; 4]; nodes];
+    for (edge, (coupling, weight)) in couplings.iter().zip(network.weights()).enumerate() {
+        let Some(ends) = network.edges().ends(edge) else { continue };
+        rows[edge / 3][edge % 3] = weight * coupling.through;
+        for (end, node) in ends.into_iter().enumerate() {
+            rows[node as usize][3] += weight * coupling.factor[end];
+        }
+    }
+    rows
+}
 
-/// The largest error of what is left of an edge, in parts of its weight or of the link, among all but those found otherwise,
-/// and how many these are, and of how many.
-fn compare(finder: &mut Finder, solids: &Solids, materials: &[Material]) -> (f64, usize, usize) {
+/// What differs between device and processor.
+#[derive(Debug, Default)]
+struct Difference {
+    /// Nodes that other conductors hold, and rows of which an entry differs by more than a thousandth of the row.
+    moved: usize,
+    otherwise: usize,
+    /// The largest difference of entries of all other rows, in parts of the row.
+    rounding: f64,
+    /// Edges that objects change.
+    changed: usize,
+}
+
+fn compare(finder: &mut Finder, solids: &Solids, materials: &[Material]) -> Difference {
     let expected = finder.expected(solids, materials);
     let found = finder.found(solids, materials);
     let of_core = expected.conductors().iter().map(|&object| u32::from(object));
-    let moved = of_core.zip(&found.conductors).filter(|(a, b)| a != *b).count();
-    let (mut worst, mut otherwise, mut changed) = (0.0_f64, moved, 0);
-    for (edge, (ours, theirs)) in found.couplings.iter().zip(expected.couplings()).enumerate() {
-        if *theirs != Coupling::PLAIN {
-            changed += 1;
-        }
-        let pair = |a: f64, b: f64| (a - b).abs() / b.abs().max(1.0);
-        let error = pair(ours.through, theirs.through)
-            .max(pair(ours.factor[0], theirs.factor[0]))
-            .max(pair(ours.factor[1], theirs.factor[1]));
-        if error > ROUNDED || error.is_nan() || ours.object != theirs.object && error > 1e-5 {
-            otherwise += 1;
-            if otherwise < 6 {
-                let star = finder.sensor.lattice().unwrap().node_place(edge / 3);
-                println!("edge {edge} axis {} at {star:?}: {ours:?} {theirs:?}", edge % 3);
-            }
+    let nodes = expected.conductors().len();
+    let empty =
+        vec![Coupling { through: 1.0, factor: [0.0; 2], object: [u16::MAX; 2] }; found.couplings.len()];
+    let [ours, theirs, without] = [&found.couplings, expected.couplings(), &empty]
+        .map(|couplings| rows_of(&finder.network, nodes, couplings));
+    let mut all = Difference {
+        moved: of_core.zip(&found.conductors).filter(|(a, b)| a != *b).count(),
+        changed: expected.couplings().iter().zip(&empty).filter(|(a, b)| a != b).count(),
+        ..Difference::default()
+    };
+    let lattice = finder.sensor.lattice().unwrap();
+    for node in (0..nodes).filter(|&node| expected.conductors()[node] == NO_OBJECT) {
+        let place = lattice.node_place(node);
+        let sum = |rows: &[[f64; 4]]| {
+            let before = (0..3).filter(|&axis| place[axis] > 0);
+            let before = before.map(|axis| rows[node - lattice.strides()[axis]][axis]);
+            rows[node].iter().copied().chain(before).sum::<f64>()
+        };
+        let whole = sum(&theirs).max(sum(&without));
+        let apart = |entry: usize| (ours[node][entry] - theirs[node][entry]).abs() / whole;
+        let error = (0..4).map(apart).fold(0.0, |a: f64, b| if b.is_nan() { f64::NAN } else { a.max(b) });
+        if error < 1e-3 {
+            all.rounding = all.rounding.max(error);
         } else {
-            worst = worst.max(error);
+            all.otherwise += 1;
+            if all.otherwise < 4 {
+                println!("{place:?}: {:?} {:?} {whole}", ours[node], theirs[node]);
+                println!("  wedge {:x?}", found.wedges[node]);
+            }
         }
     }
-    (worst, otherwise, changed)
+    all
+}
+
+/// Shapes of all kinds, from thinner than cells to far larger, with edges in planes of nodes and turned.
+fn any_object() -> impl Strategy<Value = (Shape, Pose, Material)> {
+    let length = || prop_oneof![0.002..0.02, 0.02..0.2_f64];
+    let shape = prop_oneof![
+        [length(), length(), length()].prop_map(|size| Shape::Box { size: size.into() }),
+        length().prop_map(|radius| Shape::Sphere { radius }),
+        [length(), length()].prop_map(|[radius, length]| Shape::Capsule { radius, length }),
+        [length(), length()].prop_map(|[radius, length]| Shape::Cylinder { radius, length }),
+    ];
+    let rotation = prop_oneof![
+        Just(DQuat::IDENTITY),
+        Just(DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2)),
+        (0.0..6.0).prop_map(DQuat::from_rotation_z),
+        [0.0..6.0, 0.0..6.0, 0.0..6.0].prop_map(|[x, y, z]| DQuat::from_euler(glam::EulerRot::XYZ, x, y, z)),
+    ];
+    let place = [-0.2..0.2, -0.2..0.2, -0.02..0.3];
+    let material = prop_oneof![Just(GROUNDED), Just(dielectric(4.0)), Just(dielectric(80.0))];
+    (shape, rotation, place, material).prop_map(|(shape, rotation, place, material)| {
+        (shape, Pose { translation: place.into(), rotation }, material)
+    })
 }
 
 #[test]
-fn prints() {
-    let mut finder = Finder::new(sensor(24_000));
-    let turned = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -0.3, 0.9);
-    let shapes = [
-        Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) },
-        Shape::Box { size: DVec3::new(0.15, 0.05, 0.05) },
-        Shape::Sphere { radius: 0.05 },
-        Shape::Capsule { radius: 0.03, length: 0.1 },
-        Shape::Cylinder { radius: 0.03, length: 0.1 },
-    ];
-    for shape in shapes {
-        for rotation in [DQuat::IDENTITY, turned] {
-            for material in [GROUNDED, dielectric(4.0), dielectric(80.0)] {
-                for height in [0.02, 0.05, 0.1, 0.2] {
-                    let mut solids = Solids::new(&[shape.clone()]).unwrap();
-                    let translation = DVec3::new(0.013, -0.021, 0.03 + height);
-                    solids.place(&[Pose { translation, rotation }]).unwrap();
-                    let found = compare(&mut finder, &solids, &[material]);
-                    println!("{shape:?} {material:?} {} {height}: {found:?}", rotation == DQuat::IDENTITY);
-                }
-            }
+fn any_solids_make_of_rows_what_they_do_on_the_processor() {
+    let mut finders = [sensor(9_000, false), sensor(40_000, true)].map(Finder::new);
+    let mut runner =
+        TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+    let objects = prop::collection::vec(any_object(), 1..4);
+    for case in 0..CASES {
+        let objects = objects.new_tree(&mut runner).unwrap().current();
+        let shapes: Vec<Shape> = objects.iter().map(|(shape, ..)| shape.clone()).collect();
+        let poses: Vec<Pose> = objects.iter().map(|(_, pose, _)| *pose).collect();
+        let materials: Vec<Material> = objects.iter().map(|(.., material)| *material).collect();
+        let mut solids = Solids::new(&shapes).unwrap();
+        solids.place(&poses).unwrap();
+        let found = compare(&mut finders[case % 2], &solids, &materials);
+        println!("{case}: {found:?}");
+        if found.moved + found.otherwise > 0 {
+            println!("{objects:?}");
         }
     }
 }
