@@ -165,7 +165,7 @@ pub(super) fn source(objects: usize) -> String {
     let files = [
         include_str!("solids.wgsl"),
         include_str!("near_field.wgsl"),
-        include_str!("edge_rule.wgsl"),
+        include_str!("../edge_rule.wgsl"),
         include_str!("silhouette.wgsl"),
         include_str!("edges_of_solids.wgsl"),
     ];

@@ -11,7 +11,6 @@ const NEAR: f32 = 1.0;
 const FAR: f32 = 2.0;
 // The axis along which each node's own edge carries its link.
 const CARRIER: u32 = 0u;
-const SMALLEST_PART: f32 = 1e-3;
 const STRAIGHT: f32 = 3e38;
 
 // A node of the lattice and its neighbours: how far those below and above are, zero where the lattice ends; and the cells behind
@@ -41,22 +40,22 @@ fn star_at(node: u32, place: vec3<u32>) -> Star {
     let counts = plane_counts();
     for (var axis = 0u; axis < 3u; axis++) {
         let index = place[axis];
-        let above = plane_at(axis, index).z;
+        let above = plane_of(axis, index).z;
         var below = 0.0;
-        if (index > 0u) { below = plane_at(axis, index - 1u).z; }
+        if (index > 0u) { below = plane_of(axis, index - 1u).z; }
         let longest = max(below, above);
         let first_below = select(longest, below, below > 0.0);
         let first_above = select(longest, above, above > 0.0);
         var second_below = first_below;
         var reach_below = 2.0 * longest;
         if (index > 1u) {
-            second_below = plane_at(axis, index - 2u).z;
+            second_below = plane_of(axis, index - 2u).z;
             reach_below = below + second_below;
         }
         var second_above = first_above;
         var reach_above = 2.0 * longest;
         if (index + 2u < counts[axis]) {
-            second_above = plane_at(axis, index + 1u).z;
+            second_above = plane_of(axis, index + 1u).z;
             reach_above = above + second_above;
         }
         star.below[axis] = below;
@@ -275,12 +274,12 @@ fn wedge_at(star: Star) -> Wedge {
     let spot = spot_of(star.place);
     var found = NO_OBJECT;
     var share = 1.0;
-    for (var object = 0u; object < object_count(); object++) {
+    for (var object = 0u; object < objects; object++) {
         let solid = solid_of(object);
         let begin = from_origin(solid, spot);
         let half = half_bounds(solid);
         var away = 0.0;
-        if (object_count() > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
+        if (objects > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
         if (away >= FAR) { continue; }
         var own = -1.0;
         if (found == NO_OBJECT) { own = own_share(star, object, solid, begin); }
@@ -333,14 +332,14 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
             let is_held = conductor_at(node) == object;
             var potential = 0.0;
             if (is_round) {
-                if (is_held || is_met(solid_span(solid, point, other))) { continue; }
+                if (is_held || is_hit(solid_span(solid, point, other))) { continue; }
                 potential = round_potential(solid, second, other);
             } else {
                 let moved = point + select(-way, way, side == 1u) * turn[axis];
                 let other_place = coordinates(angle, moved);
                 potential = potential_around(other_place, angle.radius);
                 highest = max(highest, potential);
-                if (is_held || (!see_each_other(own_place, other_place) && is_met(solid_span(solid, point, other)))) { continue; }
+                if (is_held || (!see_each_other(own_place, other_place) && is_hit(solid_span(solid, point, other)))) { continue; }
             }
             let weight = areas[axis] / way;
             sum += weight * potential;

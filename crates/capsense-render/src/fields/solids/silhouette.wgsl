@@ -115,22 +115,22 @@ struct Probe { is_met: bool, along: Span, across: Span, middle: f32 }
 
 fn probe(solid: Solid, tube: Tube, ray: vec3<f32>) -> Probe {
     let along = solid_span(solid, tube.start + ray, tube.start + ray + tube.way);
-    if (is_met(along)) {
+    if (is_hit(along)) {
         let start = point_in(tube, along, 0.5);
         let across = solid_span(solid, start, start + ray);
-        return Probe(is_met(across), along, across, width_of(across));
+        return Probe(is_hit(across), along, across, width_of(across));
     }
     // One that is too thin to reach the side is found where it passes an end of the edge.
     for (var end = 0u; end < 2u; end++) {
         let start = select(tube.start, tube.start + tube.way, end == 1u);
         let across = solid_span(solid, start, start + ray);
-        if (!is_met(across)) { continue; }
+        if (!is_hit(across)) { continue; }
         let beside = tube.start + 0.5 * (across.enter + across.leave) * ray;
         let beside_it = solid_span(solid, beside, beside + tube.way);
-        if (!is_met(beside_it)) { continue; }
+        if (!is_hit(beside_it)) { continue; }
         return Probe(true, beside_it, across, width_across(solid, point_in(tube, beside_it, 0.5), ray));
     }
-    return Probe(false, NO_SPAN, NO_SPAN, 0.0);
+    return Probe(false, MISSED, MISSED, 0.0);
 }
 
 fn beside_towards(solid: Solid, tube: Tube, number: u32, side: u32) -> Beside {

@@ -4,18 +4,14 @@
 // Places are told from the origin of an object, so that single precision is a millionth of the object, not of the lattice:
 // planes of nodes and origins come in two parts, of which the differences are taken first. What reads buffers stands elsewhere:
 //   fn solid_of(object: u32) -> Solid
-//   fn is_conductor(object: u32) -> bool
-//   fn permittivity_of(object: u32) -> f32, of dielectrics
 //   fn tree_of_edges(at: u32) -> EdgeBox
-//   fn plane_at(axis: u32, index: u32) -> vec3<f32>: the plane in two parts, and how far the next one is, zero behind the last
+//   fn plane_of(axis: u32, index: u32) -> vec3<f32>: the plane in two parts, and how far the next one is, zero behind the last
 //   fn plane_counts() -> vec3<u32>
-//   fn object_count() -> u32, no more than OBJECTS, which stands before this: compilers would write loops to a constant out
+// and `objects`, how many there are.
 
 const BOX: u32 = 0u;
 const CAPSULE: u32 = 1u;
 const CYLINDER: u32 = 2u;
-
-const NO_OBJECT: u32 = 0xffffu;
 
 // Solids are smaller than stated by this part: what lies in a face but for rounding is outside.
 const SHRINK: f32 = 3e-7;
@@ -36,10 +32,6 @@ struct Solid {
 // A box around a piece of a rim, in the solid's frame, and the number of that after it and all within it.
 struct EdgeBox { centre: vec3<f32>, exit: u32, half: vec3<f32>, padding: u32 }
 
-// The part of a segment that is in an object: none where it is left before it is entered.
-struct Span { enter: f32, leave: f32 }
-
-const NO_SPAN: Span = Span(1.0, 0.0);
 const ALL: vec2<f32> = vec2<f32>(-3e38, 3e38);
 
 // A point of the sensor frame, in two parts.
@@ -49,12 +41,12 @@ fn kind_of(solid: Solid) -> u32 { return solid.kind & 0xffu; }
 
 fn has_face_across(solid: Solid, axis: u32) -> bool { return (solid.kind & (0x100u << axis)) != 0u; }
 
-fn is_met(span: Span) -> bool { return span.enter <= span.leave; }
+fn is_hit(span: Span) -> bool { return span.enter <= span.leave; }
 
 fn spot_of(place: vec3<u32>) -> Spot {
-    let x = plane_at(0u, place.x);
-    let y = plane_at(1u, place.y);
-    let z = plane_at(2u, place.z);
+    let x = plane_of(0u, place.x);
+    let y = plane_of(1u, place.y);
+    let z = plane_of(2u, place.z);
     return Spot(vec3<f32>(x.x, y.x, z.x), vec3<f32>(x.y, y.y, z.y));
 }
 
@@ -187,7 +179,7 @@ fn interval(solid: Solid, start: vec3<f32>, along: vec3<f32>) -> vec2<f32> {
 
 // The part of a segment of the solid's frame that is in the solid.
 fn solid_span(solid: Solid, a: vec3<f32>, b: vec3<f32>) -> Span {
-    if (parts_by_face(solid, a, b)) { return NO_SPAN; }
+    if (parts_by_face(solid, a, b)) { return MISSED; }
     // An end that is inside starts or ends the span, whatever rounding makes of the interval.
     let at_a = solid_contains(solid, a);
     let at_b = solid_contains(solid, b);
@@ -196,23 +188,38 @@ fn solid_span(solid: Solid, a: vec3<f32>, b: vec3<f32>) -> Span {
     if (on_line.x >= on_line.y) {
         if (at_a) { return Span(0.0, 0.0); }
         if (at_b) { return Span(1.0, 1.0); }
-        return NO_SPAN;
+        return MISSED;
     }
     let enter = select(max(on_line.x, 0.0), 0.0, at_a);
     let leave = select(min(on_line.y, 1.0), 1.0, at_b);
-    if (!(enter < leave || at_a || at_b)) { return NO_SPAN; }
+    if (!(enter < leave || at_a || at_b)) { return MISSED; }
     let begin = min(enter, 1.0);
     return Span(begin, max(leave, begin));
 }
 
-fn object_contains(object: u32, point: Spot) -> bool {
+// What the edge rule asks of a geometry source: all is told from a node, the anchor.
+var<private> anchor: Spot;
+
+fn set_anchor(place: vec3<u32>) { anchor = spot_of(place); }
+
+fn object_contains(object: u32, point: vec3<f32>) -> bool {
     let solid = solid_of(object);
-    return solid_contains(solid, in_frame(solid, point));
+    return solid_contains(solid, in_frame(solid, moved(anchor, point)));
 }
 
-fn object_span(object: u32, a: Spot, b: Spot) -> Span {
+// The other end of the edge is where its own planes are, so that it is in the object or not as it is by itself.
+fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
     let solid = solid_of(object);
-    return solid_span(solid, in_frame(solid, a), in_frame(solid, b));
+    let end = spot_of(next_along(edge.place, edge.axis));
+    return solid_span(solid, in_frame(solid, moved(anchor, shift)), in_frame(solid, moved(end, shift)));
+}
+
+fn moved(spot: Spot, way: vec3<f32>) -> Spot { return Spot(spot.at, spot.rest + way); }
+
+fn next_along(place: vec3<u32>, axis: u32) -> vec3<u32> {
+    var next = place;
+    next[axis] += 1u;
+    return next;
 }
 
 // Whether a segment, given by its middle and the way from there to its end, meets a box about the origin.

@@ -14,16 +14,33 @@ struct Told { counts: vec3<u32>, nodes: u32, objects: u32 }
 @group(0) @binding(8) var<storage, read_write> wedges: array<vec4<u32>>;
 @group(0) @binding(9) var<storage, read_write> couplings: array<vec4<u32>>;
 
+// The part of a segment in an object, from 0 to 1; nothing where `enter` is more than `leave`.
+struct Span { enter: f32, leave: f32 }
+const NO_OBJECT: u32 = 0xffffu;
+const MISSED: Span = Span(1.0f, 0.0f);
+const LEAST: f32 = 1e-38f;
+var<private> objects: u32;
+
 const OF_SENSOR: u32 = 1u;
 const OF_ELECTRODE: u32 = 2u;
 const HOMOGENEOUS: u32 = 4u;
 const CONDUCTOR: u32 = 0u;
 
-fn object_count() -> u32 { return told.objects; }
 fn plane_counts() -> vec3<u32> { return told.counts; }
-fn plane_at(axis: u32, index: u32) -> vec3<f32> {
+fn plane_of(axis: u32, index: u32) -> vec3<f32> {
     let first = select(0u, told.counts.x, axis > 0u) + select(0u, told.counts.y, axis > 1u);
     return planes[first + index].xyz;
+}
+fn way_after(axis: u32, number: u32) -> f32 { return plane_of(axis, number).z; }
+fn way_before(axis: u32, number: u32) -> f32 {
+    if (number == 0u) { return 0.0; }
+    return way_after(axis, number - 1u);
+}
+fn is_near(object: u32, low: vec3<u32>, high: vec3<u32>) -> bool {
+    let solid = solid_of(object);
+    let start = from_origin(solid, spot_of(low));
+    let end = from_origin(solid, spot_of(min(high, plane_counts() - 1u)));
+    return is_in_bounds(solid, 0.5 * (start + end), 0.5 * (end - start));
 }
 fn solid_of(object: u32) -> Solid { return solids[object]; }
 fn is_conductor(object: u32) -> bool { return materials[object].kind == CONDUCTOR; }
@@ -33,21 +50,41 @@ fn is_sensors(node: u32) -> bool { return (marks[node] & OF_SENSOR) != 0u; }
 fn is_electrodes(node: u32) -> bool { return (marks[node] & OF_ELECTRODE) != 0u; }
 fn is_homogeneous(node: u32) -> bool { return (marks[node] & HOMOGENEOUS) != 0u; }
 fn conductor_at(node: u32) -> u32 { return conductors[node]; }
-fn background_of(edge: u32) -> f32 { return backgrounds[edge]; }
 fn wedge_of(node: u32) -> Wedge {
     let words = wedges[node];
     return Wedge(words.x & 0xffffu, (words.x >> 16u) != 0u, bitcast<f32>(words.y), bitcast<f32>(words.z), bitcast<f32>(words.w));
 }
 
+fn coupling_of(place: vec3<u32>, axis: u32) -> Coupling {
+    let edge = Edge(place, axis, way_after(axis, place[axis]));
+    let node = dot(place, node_steps());
+    let ends = vec2<u32>(node, node + node_steps()[axis]);
+    let owners = vec2<u32>(conductors[ends.x], conductors[ends.y]);
+    let background = backgrounds[3u * node + axis];
+    set_anchor(place);
+    let is_any = find_spans(edge, vec3<f32>());
+    let around = Around(edge, ends, owners, background, spans);
+    let is_free = all(owners == UNLINKED);
+    var cut = PLAIN;
+    if (is_any || !is_free) { cut = edge_rule(owners, background); }
+    if (is_free && all_weak()) {
+        let is_along = axis != 2u && (is_electrodes(ends.x) || is_electrodes(ends.y));
+        let through = along_lines(edge, background, is_along);
+        if (through >= 0.0) { return only_through(through); }
+    }
+    return with_surroundings(around, cut);
+}
+
 @compute @workgroup_size(64)
 fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
+    objects = told.objects;
     if (node >= told.nodes) { return; }
     var holder = NO_OBJECT;
     if (!is_sensors(node)) {
-        let spot = spot_of(place_of_node(node));
-        for (var object = object_count(); object > 0u; object--) {
-            if (is_conductor(object - 1u) && object_contains(object - 1u, spot)) { holder = object - 1u; }
+        set_anchor(place_of_node(node));
+        for (var object = 0u; object < objects && holder == NO_OBJECT; object++) {
+            if (is_conductor(object) && object_contains(object, vec3<f32>())) { holder = object; }
         }
     }
     conductors[node] = holder;
@@ -56,6 +93,7 @@ fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
 @compute @workgroup_size(64)
 fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
+    objects = told.objects;
     if (node >= told.nodes) { return; }
     var wedge = NO_WEDGE;
     if (conductors[node] == NO_OBJECT) { wedge = wedge_at(star_at(node, place_of_node(node))); }
@@ -66,11 +104,12 @@ fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
 @compute @workgroup_size(64)
 fn find_couplings(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
+    objects = told.objects;
     if (node >= told.nodes) { return; }
     let star = star_at(node, place_of_node(node));
     for (var axis = 0u; axis < 3u; axis++) {
         var coupling = PLAIN;
-        if (star.above[axis] > 0.0) { coupling = coupling_of(edge_from(star, axis)); }
+        if (star.above[axis] > 0.0) { coupling = coupling_of(star.place, axis); }
         let objects = coupling.object.x | (coupling.object.y << 16u);
         couplings[3u * node + axis] = vec4<u32>(bitcast<u32>(coupling.through), bitcast<u32>(coupling.factor.x), bitcast<u32>(coupling.factor.y), objects);
     }
