@@ -5,6 +5,8 @@
 //! object.
 
 #[cfg(test)]
+mod stand_alone;
+#[cfg(test)]
 mod tests;
 
 use bytemuck::{Pod, Zeroable};
@@ -160,8 +162,8 @@ pub(super) fn marks(lattice: &Lattice, owners: &[Terminal], background: impl Fn(
     (0..owners.len()).map(mark).collect()
 }
 
-/// The functions for so many solids; what they read, and the kernels, come after them.
-pub(super) fn source(objects: usize) -> String {
+/// The functions for so many solids at most; what they read, and the kernels, come after them.
+pub(super) fn source(most_objects: usize) -> String {
     let files = [
         include_str!("solids.wgsl"),
         include_str!("near_field.wgsl"),
@@ -169,5 +171,5 @@ pub(super) fn source(objects: usize) -> String {
         include_str!("silhouette.wgsl"),
         include_str!("edges_of_solids.wgsl"),
     ];
-    format!("const OBJECTS: u32 = {objects}u;\n") + &files.join("\n")
+    format!("const OBJECTS: u32 = {most_objects}u;\n") + &files.join("\n")
 }

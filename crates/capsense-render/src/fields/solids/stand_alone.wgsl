@@ -1,7 +1,8 @@
 // What the files before ask for, and a kernel for each step.
 
 struct Material { kind: u32, permittivity: f32 }
-struct Told { counts: vec3<u32>, nodes: u32, objects: u32 }
+// `threads` is the number of nodes, or of segments.
+struct Told { counts: vec3<u32>, threads: u32, objects: u32 }
 
 @group(0) @binding(0) var<uniform> told: Told;
 @group(0) @binding(1) var<storage, read> planes: array<vec4<f32>>;
@@ -75,11 +76,24 @@ fn coupling_of(place: vec3<u32>, axis: u32) -> Coupling {
     return with_surroundings(around, cut);
 }
 
+// Instead of edges, segments from one point to another, each point a word of four numbers; what they have in the first object
+// stands in the first of the two afterwards.
+@compute @workgroup_size(64)
+fn find_segments(@builtin(global_invocation_id) id: vec3<u32>) {
+    if (id.x >= told.threads) { return; }
+    let solid = solid_of(0u);
+    let a = in_frame(solid, Spot(bitcast<vec3<f32>>(couplings[2u * id.x].xyz), vec3<f32>()));
+    let b = in_frame(solid, Spot(bitcast<vec3<f32>>(couplings[2u * id.x + 1u].xyz), vec3<f32>()));
+    let span = solid_span(solid, a, b);
+    let is_in = select(0u, 1u, solid_contains(solid, a));
+    couplings[2u * id.x] = vec4<u32>(bitcast<u32>(span.enter), bitcast<u32>(span.leave), is_in, 0u);
+}
+
 @compute @workgroup_size(64)
 fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
     objects = told.objects;
-    if (node >= told.nodes) { return; }
+    if (node >= told.threads) { return; }
     var holder = NO_OBJECT;
     if (!is_sensors(node)) {
         set_anchor(place_of_node(node));
@@ -94,7 +108,7 @@ fn find_conductors(@builtin(global_invocation_id) id: vec3<u32>) {
 fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
     objects = told.objects;
-    if (node >= told.nodes) { return; }
+    if (node >= told.threads) { return; }
     var wedge = NO_WEDGE;
     if (conductors[node] == NO_OBJECT) { wedge = wedge_at(star_at(node, place_of_node(node))); }
     let word = wedge.object | select(0u, 0x10000u, wedge.is_all);
@@ -105,7 +119,7 @@ fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
 fn find_couplings(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.x;
     objects = told.objects;
-    if (node >= told.nodes) { return; }
+    if (node >= told.threads) { return; }
     let star = star_at(node, place_of_node(node));
     for (var axis = 0u; axis < 3u; axis++) {
         var coupling = PLAIN;
