@@ -9,12 +9,11 @@ mod stand_alone;
 #[cfg(test)]
 mod tests;
 
-use bytemuck::{Pod, Zeroable};
 use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{RightAngled, Surfaces};
 use capsense_core::sensor::{FREE, GROUND, Terminal};
 use capsense_core::solids::Solids;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 const BOX: u32 = 0;
 const CAPSULE: u32 = 1;
@@ -28,34 +27,17 @@ pub(super) const OF_SENSOR: u32 = 1;
 pub(super) const OF_ELECTRODE: u32 = 2;
 pub(super) const HOMOGENEOUS: u32 = 4;
 
-/// A solid at a pose.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct PlacedSolid {
-    size: [f32; 3],
-    kind: u32,
-    origin: [f32; 3],
-    tree: u32,
-    origin_rest: [f32; 3],
-    tree_end: u32,
-    /// Axes of the solid in the sensor frame.
-    turn: [[f32; 4]; 3],
-}
+/// Words of a solid at a pose: its size, kind, origin in two parts, and axes in the sensor frame, as `solids.wgsl` has them.
+pub(super) const SOLID_WORDS: usize = 21;
 
-/// A box around a piece of a cylinder's rim.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct EdgeBox {
-    centre: [f32; 3],
-    exit: u32,
-    half: [f32; 3],
-    padding: u32,
-}
+/// Numbers of a box around a piece of a rim: its middle, half its size, and the number of the box after it and all within it.
+const BOX_NUMBERS: usize = 7;
 
 /// The trees of edges of some solids, which stay as they are, and where each begins and ends.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EdgeTrees {
-    pub(super) boxes: Vec<EdgeBox>,
+    pub(super) numbers: Vec<f32>,
+    /// Places of the first number of a tree and of the first behind it.
     ranges: Vec<[u32; 2]>,
 }
 
@@ -64,43 +46,34 @@ impl EdgeTrees {
     pub(super) fn of(solids: &Solids) -> Option<Self> {
         let mut trees = Self::default();
         for object in 0..solids.objects() {
-            let first = trees.boxes.len() as u32;
+            let first = trees.numbers.len();
             if kind_and_size(solids, object)?.0 == CYLINDER {
-                trees.boxes.extend(solids.boxes_around_edges(object).map(|(bounds, exit)| EdgeBox {
-                    centre: (0.5 * (bounds.min + bounds.max)).as_vec3().to_array(),
-                    exit,
-                    half: (0.5 * bounds.size()).as_vec3().to_array(),
-                    padding: 0,
-                }));
+                for (bounds, exit) in solids.boxes_around_edges(object) {
+                    trees.numbers.extend((0.5 * (bounds.min + bounds.max)).as_vec3().to_array());
+                    trees.numbers.extend((0.5 * bounds.size()).as_vec3().to_array());
+                    // As a number: as bits it would be one so small that devices take it for zero.
+                    trees.numbers.push((first + BOX_NUMBERS * exit as usize) as f32);
+                }
             }
-            trees.ranges.push([first, trees.boxes.len() as u32]);
+            trees.ranges.push([first, trees.numbers.len()].map(|at| at as u32));
         }
         Some(trees)
     }
 
-    /// Where the solids are.
-    pub(super) fn place(&self, solids: &Solids) -> impl Iterator<Item = PlacedSolid> {
-        self.ranges.iter().enumerate().filter_map(move |(object, &[tree, tree_end])| {
-            let (kind, size) = kind_and_size(solids, object)?;
-            let frame = solids.frame(object);
-            let turn = frame.object_from_sensor.transpose();
-            let (origin, origin_rest) = in_two(frame.origin);
-            let faces = (0..3).filter(|&axis| solids.has_face_across(object, axis));
-            Some(PlacedSolid {
-                size: size.as_vec3().to_array(),
-                kind: faces.fold(kind, |kind, axis| kind | FACE_ACROSS_X << axis),
-                origin,
-                tree,
-                origin_rest,
-                tree_end,
-                turn: columns(&turn),
-            })
-        })
+    /// Adds where the solids are to what kernels are told, each by [`SOLID_WORDS`].
+    pub(super) fn tell(&self, solids: &Solids, object: usize, words: &mut Vec<u32>) {
+        let Some((kind, size)) = kind_and_size(solids, object) else { return };
+        let frame = solids.frame(object);
+        let [x, y, z] = frame.origin.to_array().map(in_two);
+        let faces = (0..3).filter(|&axis| solids.has_face_across(object, axis));
+        let kind = faces.fold(kind, |kind, axis| kind | FACE_ACROSS_X << axis);
+        words.extend(size.as_vec3().to_array().map(f32::to_bits));
+        words.push(kind);
+        words.extend([x[0], y[0], z[0], x[1], y[1], z[1]].map(f32::to_bits));
+        words.extend(self.ranges[object]);
+        let axes = frame.object_from_sensor.transpose().to_cols_array();
+        words.extend(axes.map(|component| (component as f32).to_bits()));
     }
-}
-
-fn columns(matrix: &DMat3) -> [[f32; 4]; 3] {
-    [0, 1, 2].map(|column| matrix.col(column).as_vec3().extend(0.0).to_array())
 }
 
 fn kind_and_size(solids: &Solids, object: usize) -> Option<(u32, DVec3)> {
@@ -115,14 +88,9 @@ fn kind_and_size(solids: &Solids, object: usize) -> Option<(u32, DVec3)> {
 }
 
 /// A number as the sum of two in single precision.
-fn parts(x: f64) -> [f32; 2] {
+fn in_two(x: f64) -> [f32; 2] {
     let first = x as f32;
     [first, (x - f64::from(first)) as f32]
-}
-
-fn in_two(point: DVec3) -> ([f32; 3], [f32; 3]) {
-    let [x, y, z] = point.to_array().map(parts);
-    ([x[0], y[0], z[0]], [x[1], y[1], z[1]])
 }
 
 /// The planes of a lattice, those across x first: where they are, in two parts, and how far the next one is.
@@ -130,7 +98,7 @@ pub(super) fn planes(lattice: &Lattice) -> Vec<[f32; 4]> {
     let of_axis = |planes: &Vec<f64>| {
         let planes = planes.clone();
         (0..planes.len()).map(move |index| {
-            let [at, rest] = parts(planes[index]);
+            let [at, rest] = in_two(planes[index]);
             let way = planes.get(index + 1).map_or(0.0, |next| next - planes[index]);
             [at, rest, way as f32, 0.0]
         })

@@ -27,12 +27,6 @@ fn node_steps() -> vec3<u32> {
     return vec3<u32>(1u, counts.x, counts.x * counts.y);
 }
 
-fn place_of_node(node: u32) -> vec3<u32> {
-    let counts = plane_counts();
-    let row = node / counts.x;
-    return vec3<u32>(node - row * counts.x, row % counts.y, row / counts.y);
-}
-
 fn star_at(node: u32, place: vec3<u32>) -> Star {
     var star: Star;
     star.node = node;

@@ -3,8 +3,8 @@
 //
 // Places are told from the origin of an object, so that single precision is a millionth of the object, not of the lattice:
 // planes of nodes and origins come in two parts, of which the differences are taken first. What reads buffers stands elsewhere:
-//   fn solid_of(object: u32) -> Solid
-//   fn tree_of_edges(at: u32) -> EdgeBox
+//   fn solid_word(object: u32, number: u32) -> u32
+//   fn tree_number(at: u32) -> f32
 //   fn plane_of(axis: u32, index: u32) -> vec3<f32>: the plane in two parts, and how far the next one is, zero behind the last
 //   fn plane_counts() -> vec3<u32>
 // and `objects`, how many there are.
@@ -19,18 +19,30 @@ const SHRINK: f32 = 3e-7;
 const BEYOND: f32 = 1e-6;
 
 struct Solid {
-    // Half the edge lengths of a box, or radius, radius and half the length of the axis. Then a kind, and a bit for each axis of the
-    // sensor frame that is normal to a flat face.
-    size: vec3<f32>, kind: u32,
-    // The origin in the sensor frame, in two parts. Where a cylinder's tree of edges begins, and ends.
-    origin: vec3<f32>, tree: u32,
-    origin_rest: vec3<f32>, tree_end: u32,
+    // Half the edge lengths of a box, or radius, radius and half the length of the axis.
+    size: vec3<f32>,
+    // A kind, and a bit for each axis of the sensor frame that is normal to a flat face.
+    kind: u32,
+    // The origin in the sensor frame, in two parts.
+    origin: vec3<f32>, origin_rest: vec3<f32>,
+    // Where a cylinder's tree of edges begins, and ends.
+    tree: u32, tree_end: u32,
     // Axes of the solid in the sensor frame.
     turn: mat3x3<f32>,
 }
 
-// A box around a piece of a rim, in the solid's frame, and the number of that after it and all within it.
-struct EdgeBox { centre: vec3<f32>, exit: u32, half: vec3<f32>, padding: u32 }
+fn solid_vector(object: u32, number: u32) -> vec3<f32> {
+    let words = vec3<u32>(solid_word(object, number), solid_word(object, number + 1u), solid_word(object, number + 2u));
+    return bitcast<vec3<f32>>(words);
+}
+
+fn solid_of(object: u32) -> Solid {
+    let turn = mat3x3<f32>(solid_vector(object, 12u), solid_vector(object, 15u), solid_vector(object, 18u));
+    return Solid(
+        solid_vector(object, 0u), solid_word(object, 3u), solid_vector(object, 4u), solid_vector(object, 7u),
+        solid_word(object, 10u), solid_word(object, 11u), turn,
+    );
+}
 
 const ALL: vec2<f32> = vec2<f32>(-3e38, 3e38);
 
@@ -226,58 +238,66 @@ fn next_along(place: vec3<u32>, axis: u32) -> vec3<u32> {
 fn is_segment_in(middle: vec3<f32>, way: vec3<f32>, half: vec3<f32>) -> bool {
     let reach = abs(way);
     let across = half.zxy * reach.yzx + half.yzx * reach.zxy;
-    let moment = cross(middle, way);
-    return all(abs(middle) <= (half + reach) * (1.0 + BEYOND)) && all(abs(moment) <= across * (1.0 + BEYOND));
+    return all(abs(middle) <= half + reach) && all(abs(cross(middle, way)) <= across);
 }
+
+// Edges are where they are in a solid that is smaller by this part: boxes that end at the plane of a face have its edges in them if
+// they are behind it, and not if they are before it, whatever rounding does.
+const EDGES_WITHIN: f32 = 1e-6;
 
 // Whether an object has an edge in a box of the sensor frame, given by its middle from the object's origin and half its size.
 fn has_edge_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
     let centre = middle * solid.turn;
     let around = half * absolute(solid.turn);
+    let size = solid.size * (1.0 - EDGES_WITHIN);
     switch kind_of(solid) {
-        case BOX: { return has_straight_edge_in(solid, middle, half, centre, around); }
+        case BOX: { return has_straight_edge_in(solid, size, middle, half); }
         case CAPSULE: { return false; }
         default: {
-            let from_rim = abs(length(centre.xy) - solid.size.x);
-            if (abs(abs(centre.z) - solid.size.z) > around.z || from_rim > length(around.xy)) { return false; }
-            return has_rim_in(solid, middle, half);
+            let is_near_rim = abs(length(centre.xy) - size.x) <= length(around.xy);
+            return abs(abs(centre.z) - size.z) <= around.z && is_near_rim && has_rim_in(solid, middle, half);
         }
     }
 }
 
-fn has_straight_edge_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>, centre: vec3<f32>, around: vec3<f32>) -> bool {
-    let reach = around * (1.0 + BEYOND);
-    let low = abs(centre + solid.size) <= reach;
-    let high = abs(centre - solid.size) <= reach;
-    if (any(abs(centre) - solid.size > reach)) { return false; }
+fn has_straight_edge_in(solid: Solid, size: vec3<f32>, middle: vec3<f32>, half: vec3<f32>) -> bool {
+    let centre = middle * solid.turn;
+    let around = half * absolute(solid.turn);
+    let low = abs(centre + size) <= around;
+    let high = abs(centre - size) <= around;
+    if (any(abs(centre) - size > around)) { return false; }
     var turn = solid.turn;
     for (var axis = 0u; axis < 3u; axis++) {
         let b = (axis + 1u) % 3u;
         let c = (axis + 2u) % 3u;
         if (!(low[b] || high[b]) || !(low[c] || high[c])) { continue; }
-        let way = turn[axis] * solid.size[axis];
+        let way = turn[axis] * size[axis];
         for (var corner = 0u; corner < 4u; corner++) {
             let at_b = (corner & 1u) != 0u;
             let at_c = (corner & 2u) != 0u;
             if (!select(low[b], high[b], at_b) || !select(low[c], high[c], at_c)) { continue; }
-            let of_b = turn[b] * select(-solid.size[b], solid.size[b], at_b);
-            let of_c = turn[c] * select(-solid.size[c], solid.size[c], at_c);
+            let of_b = turn[b] * select(-size[b], size[b], at_b);
+            let of_c = turn[c] * select(-size[c], size[c], at_c);
             if (is_segment_in(of_b + of_c - middle, way, half)) { return true; }
         }
     }
     return false;
 }
 
-// Whether one of the smallest boxes around pieces of a cylinder's rims touches a box: the same boxes as on the processor.
+fn tree_vector(at: u32) -> vec3<f32> { return vec3<f32>(tree_number(at), tree_number(at + 1u), tree_number(at + 2u)); }
+
+// Whether one of the smallest boxes around pieces of a cylinder's rims touches a box: the same boxes as on the processor. Each has a
+// middle, half a size and the place of the box after it and all within it.
 fn has_rim_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
     let spread = absolute(solid.turn);
     var at = solid.tree;
     while (at < solid.tree_end) {
-        let piece = tree_of_edges(at);
-        let touches = all(abs(solid.turn * piece.centre - middle) <= (spread * piece.half + half) * (1.0 + BEYOND));
-        let after = solid.tree + piece.exit;
-        if (touches && after == at + 1u) { return true; }
-        at = select(after, at + 1u, touches);
+        let centre = solid.turn * tree_vector(at);
+        let reach = spread * tree_vector(at + 3u) + half;
+        let touches = all(abs(centre - middle) <= reach * (1.0 + BEYOND));
+        let after = u32(tree_number(at + 6u));
+        if (touches && after == at + 7u) { return true; }
+        at = select(after, at + 7u, touches);
     }
     return false;
 }

@@ -1,10 +1,10 @@
 //! The functions of solids by themselves, in kernels of their own, for tests.
 
-use super::{EdgeTrees, marks, planes, source};
+use super::{EdgeTrees, SOLID_WORDS, marks, planes, source};
 use crate::adapter::Adapter;
 use bytemuck::{Pod, Zeroable};
 use capsense_core::material::Material;
-use capsense_core::occupancy::{Coupling, EdgeGeometry, Occupancy};
+use capsense_core::occupancy::{Coupling, EdgeGeometry, Occupancy, Surfaces};
 use capsense_core::sensor::Sensor;
 use capsense_core::solids::Solids;
 use capsense_core::stiffness::EdgeNetwork;
@@ -22,7 +22,9 @@ const THREADS: u32 = 64;
 const FIRST_WRITTEN: u32 = 7;
 
 pub(super) fn stand_alone(most_objects: usize) -> String {
-    source(most_objects) + include_str!("stand_alone.wgsl")
+    format!("const SOLID_WORDS: u32 = {SOLID_WORDS}u;\n")
+        + &source(most_objects)
+        + include_str!("stand_alone.wgsl")
 }
 
 #[repr(C)]
@@ -127,9 +129,11 @@ impl Finder {
         let device = &self.adapter.device;
         let lattice = self.sensor.lattice().unwrap();
         let trees = EdgeTrees::of(solids).unwrap();
-        let mut boxes = trees.boxes.clone();
-        boxes.resize(boxes.len().max(1), Zeroable::zeroed());
-        let placed: Vec<_> = trees.place(solids).collect();
+        // No binding is of nothing.
+        let mut numbers = trees.numbers.clone();
+        numbers.resize(numbers.len().max(1), 0.0);
+        let mut placed = Vec::new();
+        (0..solids.objects()).for_each(|object| trees.tell(solids, object, &mut placed));
         let permittivity = self.network.permittivity();
         let background: Vec<f32> = permittivity.iter().map(|value| value as f32).collect();
         let of_material = |material: &Material| match material {
@@ -137,10 +141,11 @@ impl Finder {
             Material::Dielectric(permittivity) => [1, (permittivity.value() as f32).to_bits()],
         };
         let mut made_of: Vec<[u32; 2]> = materials.iter().map(of_material).collect();
-        made_of.resize(placed.len(), [0; 2]);
+        made_of.resize(solids.objects(), [0; 2]);
         let marks = marks(lattice, self.sensor.owners(), |edge| permittivity.at(edge));
         let counts = lattice.node_counts().map(|count| count as u32);
-        let told = Told { counts, threads: threads as u32, objects: placed.len() as u32, padding: [0; 3] };
+        let told =
+            Told { counts, threads: threads as u32, objects: solids.objects() as u32, padding: [0; 3] };
         let buffer = |contents: &[u8], usage| {
             device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: None, contents, usage })
         };
@@ -154,7 +159,7 @@ impl Finder {
             read(bytemuck::cast_slice(&background)),
             read(bytemuck::cast_slice(&placed)),
             read(bytemuck::cast_slice(&made_of)),
-            read(bytemuck::cast_slice(&boxes)),
+            read(bytemuck::cast_slice(&numbers)),
         ];
         let all = std::iter::once(&told).chain(&read).chain(&written);
         let entries: Vec<_> = (0..)

@@ -8,9 +8,9 @@ struct Told { counts: vec3<u32>, threads: u32, objects: u32 }
 @group(0) @binding(1) var<storage, read> planes: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> marks: array<u32>;
 @group(0) @binding(3) var<storage, read> backgrounds: array<f32>;
-@group(0) @binding(4) var<storage, read> solids: array<Solid>;
+@group(0) @binding(4) var<storage, read> solids: array<u32>;
 @group(0) @binding(5) var<storage, read> materials: array<Material>;
-@group(0) @binding(6) var<storage, read> edge_boxes: array<EdgeBox>;
+@group(0) @binding(6) var<storage, read> trees: array<f32>;
 @group(0) @binding(7) var<storage, read_write> conductors: array<u32>;
 @group(0) @binding(8) var<storage, read_write> wedges: array<vec4<u32>>;
 @group(0) @binding(9) var<storage, read_write> couplings: array<vec4<u32>>;
@@ -43,14 +43,20 @@ fn is_near(object: u32, low: vec3<u32>, high: vec3<u32>) -> bool {
     let end = from_origin(solid, spot_of(min(high, plane_counts() - 1u)));
     return is_in_bounds(solid, 0.5 * (start + end), 0.5 * (end - start));
 }
-fn solid_of(object: u32) -> Solid { return solids[object]; }
+fn solid_word(object: u32, number: u32) -> u32 { return solids[SOLID_WORDS * object + number]; }
+fn tree_number(at: u32) -> f32 { return trees[at]; }
 fn is_conductor(object: u32) -> bool { return materials[object].kind == CONDUCTOR; }
 fn permittivity_of(object: u32) -> f32 { return materials[object].permittivity; }
-fn tree_of_edges(at: u32) -> EdgeBox { return edge_boxes[at]; }
 fn is_sensors(node: u32) -> bool { return (marks[node] & OF_SENSOR) != 0u; }
 fn is_electrodes(node: u32) -> bool { return (marks[node] & OF_ELECTRODE) != 0u; }
 fn is_homogeneous(node: u32) -> bool { return (marks[node] & HOMOGENEOUS) != 0u; }
 fn conductor_at(node: u32) -> u32 { return conductors[node]; }
+fn place_of_node(node: u32) -> vec3<u32> {
+    let counts = plane_counts();
+    let row = node / counts.x;
+    return vec3<u32>(node - row * counts.x, row % counts.y, row / counts.y);
+}
+
 fn wedge_of(node: u32) -> Wedge {
     let words = wedges[node];
     return Wedge(words.x & 0xffffu, (words.x >> 16u) != 0u, bitcast<f32>(words.y), bitcast<f32>(words.z), bitcast<f32>(words.w));
