@@ -287,6 +287,7 @@ impl RemoteFields for SceneFields {
             iterations: result.iterations as usize,
             residual: result.residual,
             launches,
+            found: None,
         })
     }
 
