@@ -7,13 +7,15 @@
 //! the two step by step.
 
 mod device;
+mod finder;
 mod gpu;
 mod iteration;
 mod launch;
+#[cfg(test)]
+mod object_tests;
 mod plan;
 mod rules;
 mod shader;
-#[allow(dead_code)]
 mod solids;
 #[cfg(test)]
 mod tests;
@@ -23,4 +25,5 @@ mod twin;
 mod twin_fields;
 
 pub use device::Traffic;
+pub use finder::{Camera, Objects};
 pub use gpu::{GpuFields, has_adapter};

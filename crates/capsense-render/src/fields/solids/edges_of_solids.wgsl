@@ -5,9 +5,6 @@
 
 const UNLINKED: vec2<u32> = vec2<u32>(NO_OBJECT, NO_OBJECT);
 
-// An edge with its ends and what holds these, and what fills it.
-struct Around { edge: Edge, ends: vec2<u32>, owners: vec2<u32>, background: f32, on_edge: array<Span, OBJECTS> }
-
 // Edges nearer to a face than this part of the lattice's size lie in it.
 const IN_FACE: f32 = 1e-7;
 

@@ -1,4 +1,4 @@
-//! Solids and lattices as the kernels know them: what `solids.wgsl` and the files after it read.
+//! Solids as the kernels know them: what `solids.wgsl` and the files after it read.
 //!
 //! Points are told to kernels in two parts, so that what is near an object is told from its origin as exactly as single precision
 //! tells small numbers: a plane of nodes that holds a face is told from one that is beside it by a ten-millionth of the
@@ -9,9 +9,8 @@ mod stand_alone;
 #[cfg(test)]
 mod tests;
 
-use capsense_core::mesh::Lattice;
+use super::finder::in_two;
 use capsense_core::occupancy::{RightAngled, Surfaces};
-use capsense_core::sensor::{FREE, GROUND, Terminal};
 use capsense_core::solids::Solids;
 use glam::DVec3;
 
@@ -22,42 +21,36 @@ const CYLINDER: u32 = 2;
 /// The first of three bits of an object's kind: whether a flat face is across an axis of the sensor frame.
 const FACE_ACROSS_X: u32 = 0x100;
 
-/// Marks of nodes: whether a terminal has it, whether an electrode, and whether the background is the same on all its edges.
-pub(super) const OF_SENSOR: u32 = 1;
-pub(super) const OF_ELECTRODE: u32 = 2;
-pub(super) const HOMOGENEOUS: u32 = 4;
-
 /// Words of a solid at a pose: its size, kind, origin in two parts, and axes in the sensor frame, as `solids.wgsl` has them.
 pub(super) const SOLID_WORDS: usize = 21;
 
 /// Numbers of a box around a piece of a rim: its middle, half its size, and the number of the box after it and all within it.
 const BOX_NUMBERS: usize = 7;
 
-/// The trees of edges of some solids, which stay as they are, and where each begins and ends.
+/// Where the trees of edges of some solids are among numbers that kernels read.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EdgeTrees {
-    pub(super) numbers: Vec<f32>,
     /// Places of the first number of a tree and of the first behind it.
     ranges: Vec<[u32; 2]>,
 }
 
 impl EdgeTrees {
-    /// `None` if one of the objects is not a box, a sphere, a capsule or a cylinder.
-    pub(super) fn of(solids: &Solids) -> Option<Self> {
-        let mut trees = Self::default();
+    /// Appends trees to what kernels read.
+    pub(super) fn new(solids: &Solids, numbers: &mut Vec<f32>) -> Self {
+        let mut ranges = Vec::with_capacity(solids.objects());
         for object in 0..solids.objects() {
-            let first = trees.numbers.len();
-            if kind_and_size(solids, object)?.0 == CYLINDER {
+            let first = numbers.len();
+            if matches!(kind_and_size(solids, object), Some((CYLINDER, _))) {
                 for (bounds, exit) in solids.boxes_around_edges(object) {
-                    trees.numbers.extend((0.5 * (bounds.min + bounds.max)).as_vec3().to_array());
-                    trees.numbers.extend((0.5 * bounds.size()).as_vec3().to_array());
+                    numbers.extend((0.5 * (bounds.min + bounds.max)).as_vec3().to_array());
+                    numbers.extend((0.5 * bounds.size()).as_vec3().to_array());
                     // As a number: as bits it would be one so small that devices take it for zero.
-                    trees.numbers.push((first + BOX_NUMBERS * exit as usize) as f32);
+                    numbers.push((BOX_NUMBERS * exit as usize) as f32);
                 }
             }
-            trees.ranges.push([first, trees.numbers.len()].map(|at| at as u32));
+            ranges.push([first, numbers.len()].map(|at| at as u32));
         }
-        Some(trees)
+        Self { ranges }
     }
 
     /// Adds where the solids are to what kernels are told, each by [`SOLID_WORDS`].
@@ -87,57 +80,13 @@ fn kind_and_size(solids: &Solids, object: usize) -> Option<(u32, DVec3)> {
     }
 }
 
-/// A number as the sum of two in single precision.
-fn in_two(x: f64) -> [f32; 2] {
-    let first = x as f32;
-    [first, (x - f64::from(first)) as f32]
-}
-
-/// The planes of a lattice, those across x first: where they are, in two parts, and how far the next one is.
-pub(super) fn planes(lattice: &Lattice) -> Vec<[f32; 4]> {
-    let of_axis = |planes: &Vec<f64>| {
-        let planes = planes.clone();
-        (0..planes.len()).map(move |index| {
-            let [at, rest] = in_two(planes[index]);
-            let way = planes.get(index + 1).map_or(0.0, |next| next - planes[index]);
-            [at, rest, way as f32, 0.0]
-        })
-    };
-    lattice.axes().iter().flat_map(of_axis).collect()
-}
-
-/// What kernels are told of each node. `background` is the relative permittivity around each edge.
-pub(super) fn marks(lattice: &Lattice, owners: &[Terminal], background: impl Fn(usize) -> f64) -> Vec<u32> {
-    let (counts, strides) = (lattice.node_counts(), lattice.strides());
-    let mark = |node: usize| {
-        let place = lattice.node_place(node);
-        let edges = (0..3).flat_map(|axis| {
-            let below = (place[axis] > 0).then(|| 3 * (node - strides[axis]) + axis);
-            let above = (place[axis] + 1 < counts[axis]).then_some(3 * node + axis);
-            [below, above].into_iter().flatten()
-        });
-        let mut around = edges.map(&background);
-        let first = around.next().unwrap_or(1.0);
-        let mut mark = if around.all(|other| other == first) { HOMOGENEOUS } else { 0 };
-        if owners[node] != FREE {
-            mark |= OF_SENSOR;
-        }
-        if owners[node] != FREE && owners[node] != GROUND {
-            mark |= OF_ELECTRODE;
-        }
-        mark
-    };
-    (0..owners.len()).map(mark).collect()
-}
-
-/// The functions for so many solids at most; what they read, and the kernels, come after them.
-pub(super) fn source(most_objects: usize) -> String {
+/// The functions of solids, behind what the edge rule asks of a geometry source.
+pub(super) fn source() -> String {
     let files = [
         include_str!("solids.wgsl"),
         include_str!("near_field.wgsl"),
-        include_str!("../edge_rule.wgsl"),
         include_str!("silhouette.wgsl"),
         include_str!("edges_of_solids.wgsl"),
     ];
-    format!("const OBJECTS: u32 = {most_objects}u;\n") + &files.join("\n")
+    files.join("\n")
 }

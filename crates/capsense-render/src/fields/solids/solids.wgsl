@@ -287,7 +287,7 @@ fn has_straight_edge_in(solid: Solid, size: vec3<f32>, middle: vec3<f32>, half: 
 fn tree_vector(at: u32) -> vec3<f32> { return vec3<f32>(tree_number(at), tree_number(at + 1u), tree_number(at + 2u)); }
 
 // Whether one of the smallest boxes around pieces of a cylinder's rims touches a box: the same boxes as on the processor. Each has a
-// middle, half a size and the place of the box after it and all within it.
+// middle, half a size and, from the first, the place of the box after it and all within it.
 fn has_rim_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
     let spread = absolute(solid.turn);
     var at = solid.tree;
@@ -295,7 +295,7 @@ fn has_rim_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
         let centre = solid.turn * tree_vector(at);
         let reach = spread * tree_vector(at + 3u) + half;
         let touches = all(abs(centre - middle) <= reach * (1.0 + BEYOND));
-        let after = u32(tree_number(at + 6u));
+        let after = solid.tree + u32(tree_number(at + 6u));
         if (touches && after == at + 7u) { return true; }
         at = select(after, at + 7u, touches);
     }

@@ -1,11 +1,13 @@
 //! The functions of solids by themselves, in kernels of their own, for tests.
 
-use super::{EdgeTrees, SOLID_WORDS, marks, planes, source};
+use super::super::finder::in_two;
+use super::{EdgeTrees, SOLID_WORDS, source};
 use crate::adapter::Adapter;
 use bytemuck::{Pod, Zeroable};
 use capsense_core::material::Material;
+use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{Coupling, EdgeGeometry, Occupancy, Surfaces};
-use capsense_core::sensor::Sensor;
+use capsense_core::sensor::{FREE, GROUND, Sensor, Terminal};
 use capsense_core::solids::Solids;
 use capsense_core::stiffness::EdgeNetwork;
 use wgpu::util::DeviceExt;
@@ -22,10 +24,15 @@ const THREADS: u32 = 64;
 const FIRST_WRITTEN: u32 = 7;
 
 pub(super) fn stand_alone(most_objects: usize) -> String {
-    format!("const SOLID_WORDS: u32 = {SOLID_WORDS}u;\n")
-        + &source(most_objects)
-        + include_str!("stand_alone.wgsl")
+    let constants =
+        format!("const SOLID_WORDS: u32 = {SOLID_WORDS}u;\nconst OBJECTS: u32 = {most_objects}u;\n");
+    constants + &source() + include_str!("../edge_rule.wgsl") + include_str!("stand_alone.wgsl")
 }
+
+/// Marks of nodes: whether a terminal has it, whether an electrode, and whether the background is the same on all its edges.
+const OF_SENSOR: u32 = 1;
+const OF_ELECTRODE: u32 = 2;
+const HOMOGENEOUS: u32 = 4;
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -128,9 +135,9 @@ impl Finder {
     ) -> [Vec<u32>; 3] {
         let device = &self.adapter.device;
         let lattice = self.sensor.lattice().unwrap();
-        let trees = EdgeTrees::of(solids).unwrap();
+        let mut numbers = Vec::new();
+        let trees = EdgeTrees::new(solids, &mut numbers);
         // No binding is of nothing.
-        let mut numbers = trees.numbers.clone();
         numbers.resize(numbers.len().max(1), 0.0);
         let mut placed = Vec::new();
         (0..solids.objects()).for_each(|object| trees.tell(solids, object, &mut placed));
@@ -212,4 +219,41 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     };
     let entries: Vec<_> = (0..FIRST_WRITTEN + 3).map(entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
+}
+
+/// The planes of a lattice, those across x first: where they are, in two parts, and how far the next one is.
+fn planes(lattice: &Lattice) -> Vec<[f32; 4]> {
+    let of_axis = |planes: &Vec<f64>| {
+        let planes = planes.clone();
+        (0..planes.len()).map(move |index| {
+            let [at, rest] = in_two(planes[index]);
+            let way = planes.get(index + 1).map_or(0.0, |next| next - planes[index]);
+            [at, rest, way as f32, 0.0]
+        })
+    };
+    lattice.axes().iter().flat_map(of_axis).collect()
+}
+
+/// What kernels are told of each node. `background` is the relative permittivity around each edge.
+fn marks(lattice: &Lattice, owners: &[Terminal], background: impl Fn(usize) -> f64) -> Vec<u32> {
+    let (counts, strides) = (lattice.node_counts(), lattice.strides());
+    let mark = |node: usize| {
+        let place = lattice.node_place(node);
+        let edges = (0..3).flat_map(|axis| {
+            let below = (place[axis] > 0).then(|| 3 * (node - strides[axis]) + axis);
+            let above = (place[axis] + 1 < counts[axis]).then_some(3 * node + axis);
+            [below, above].into_iter().flatten()
+        });
+        let mut around = edges.map(&background);
+        let first = around.next().unwrap_or(1.0);
+        let mut mark = if around.all(|other| other == first) { HOMOGENEOUS } else { 0 };
+        if owners[node] != FREE {
+            mark |= OF_SENSOR;
+        }
+        if owners[node] != FREE && owners[node] != GROUND {
+            mark |= OF_ELECTRODE;
+        }
+        mark
+    };
+    (0..owners.len()).map(mark).collect()
 }
