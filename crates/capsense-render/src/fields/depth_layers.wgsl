@@ -163,7 +163,7 @@ fn next_border_after(t: f32) -> f32 {
 }
 
 // A camera knows of nothing else.
-fn with_surroundings(around: Around, cut: Coupling) -> Coupling { return cut; }
+fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling { return cut; }
 
 fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
     let end = shift + along(edge);

@@ -4,7 +4,7 @@
 //     fn set_anchor(place: vec3<u32>)
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
 //     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
-//     fn with_surroundings(around: Around, cut: Coupling) -> Coupling
+//     fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling
 // all points and shifts relative to the anchor, a node given by its planes, in metres. The last tells what else a source knows to be
 // around an edge of which surfaces on it leave `cut`.
 
@@ -103,7 +103,7 @@ fn edge_rule(owners: vec2<u32>, background: f32) -> Coupling {
 struct Edge { place: vec3<u32>, axis: u32, length: f32 }
 
 // An edge with its ends, the conductors that hold these, the background's permittivity, and what fills it.
-struct Around { edge: Edge, ends: vec2<u32>, owners: vec2<u32>, background: f32, on_edge: array<Span, OBJECTS> }
+struct Surroundings { edge: Edge, ends: vec2<u32>, owners: vec2<u32>, background: f32, on_edge: array<Span, OBJECTS> }
 
 fn along(edge: Edge) -> vec3<f32> {
     var way = vec3<f32>();

@@ -126,7 +126,7 @@ fn coupling_of(grid: Grid, place: vec3<u32>, axis: u32, is_own: bool) -> Couplin
     let background = background_at(axis, node);
     set_anchor(place);
     let is_any = find_spans(edge, vec3<f32>());
-    let around = Around(edge, ends, owners, background, spans);
+    let around = Surroundings(edge, ends, owners, background, spans);
     let electrodes = vec2<u32>(owner_of(ends.x), owner_of(ends.y));
     if (is_own && is_any) { note_contacts(electrodes); }
     let is_free = all(owners == vec2<u32>(NO_OBJECT));

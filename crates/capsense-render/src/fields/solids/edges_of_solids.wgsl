@@ -19,7 +19,7 @@ fn in_face_distance() -> f32 {
 
 // What multiplies the weight of an edge that lies in a face of a dielectric: the mean of what it would be a little to either side of it;
 // -1 for all other edges.
-fn in_face(around: Around, star: Star) -> f32 {
+fn in_face(around: Surroundings, star: Star) -> f32 {
     var on_edge = around.on_edge;
     let axis = around.edge.axis;
     let away = in_face_distance();
@@ -70,7 +70,7 @@ fn blend(cut: Coupling, part: f32, without: f32) -> Coupling {
 }
 
 // Corrects what the edge rule makes of an edge for the part of its box that meets a conductor.
-fn at_silhouette(around: Around, star: Star, cut: Coupling) -> Coupling {
+fn at_silhouette(around: Surroundings, star: Star, cut: Coupling) -> Coupling {
     if (all(around.owners != UNLINKED)) { return cut; }
     var on_edge = around.on_edge;
     var conductors = 0u;
@@ -121,7 +121,7 @@ fn only_conductor_beside(edge: Edge, star: Star) -> u32 {
 
 // What is left of an edge with nodes near edges of conductors at its ends. `cut` is what surfaces on the edge make of it, `covered`
 // what walls make of it as well.
-fn between_wedges(around: Around, cut: Coupling, covered: Coupling) -> Coupling {
+fn between_wedges(around: Surroundings, cut: Coupling, covered: Coupling) -> Coupling {
     let is_free = all(around.owners == UNLINKED);
     let shares = vec2<f32>(wedge_of(around.ends.x).share, wedge_of(around.ends.y).share);
     if (all(shares <= vec2<f32>(0.0))) { return covered; }
@@ -151,7 +151,7 @@ fn between_wedges(around: Around, cut: Coupling, covered: Coupling) -> Coupling 
 }
 
 // What is around an edge makes of it, of which surfaces on it leave `by_rule`.
-fn with_surroundings(around: Around, by_rule: Coupling) -> Coupling {
+fn with_surroundings(around: Surroundings, by_rule: Coupling) -> Coupling {
     let star = star_at(around.ends.x, around.edge.place);
     var cut = by_rule;
     if (all(around.owners == UNLINKED)) {

@@ -5,6 +5,8 @@
 //! object.
 
 #[cfg(test)]
+mod scene_tests;
+#[cfg(test)]
 mod stand_alone;
 #[cfg(test)]
 mod tests;

@@ -70,7 +70,7 @@ fn coupling_of(place: vec3<u32>, axis: u32) -> Coupling {
     let background = backgrounds[3u * node + axis];
     set_anchor(place);
     let is_any = find_spans(edge, vec3<f32>());
-    let around = Around(edge, ends, owners, background, spans);
+    let around = Surroundings(edge, ends, owners, background, spans);
     let is_free = all(owners == UNLINKED);
     var cut = PLAIN;
     if (is_any || !is_free) { cut = edge_rule(owners, background); }

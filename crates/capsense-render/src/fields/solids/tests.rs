@@ -30,14 +30,14 @@ const CASES: usize = 40;
 /// Of entries of K, in parts of their row: what rounding makes of a node that all but touches a conductor.
 const ROUNDING: f64 = 5e-4;
 
-const GROUNDED: Material = Material::Conductor(Connection::Grounded);
+pub(super) const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 
-fn dielectric(permittivity: f64) -> Material {
+pub(super) fn dielectric(permittivity: f64) -> Material {
     Material::Dielectric(RelativePermittivity::new(permittivity).unwrap())
 }
 
 /// Three stripes in a box of 0.6 m.
-fn sensor(tets: usize, on_board: bool) -> Sensor {
+pub(super) fn sensor(tets: usize, on_board: bool) -> Sensor {
     let domain = Aabb { min: DVec3::new(-0.3, -0.3, -0.2), max: DVec3::new(0.3, 0.3, 0.4) };
     let stripe = |x: f64, name: &str| Electrode {
         name: name.into(),
@@ -116,7 +116,7 @@ fn compare(finder: &Finder, solids: &Solids, materials: &[Material]) -> Differen
 }
 
 /// Shapes of all kinds, from thinner than cells to far larger, with edges in planes of nodes and turned.
-fn any_object() -> impl Strategy<Value = (Shape, Pose, Material)> {
+pub(super) fn any_object() -> impl Strategy<Value = (Shape, Pose, Material)> {
     let length = || prop_oneof![0.002..0.02, 0.02..0.2_f64];
     let shape = prop_oneof![
         [length(), length(), length()].prop_map(|size| Shape::Box { size: size.into() }),
@@ -137,7 +137,7 @@ fn any_object() -> impl Strategy<Value = (Shape, Pose, Material)> {
     })
 }
 
-fn dice() -> TestRunner {
+pub(super) fn dice() -> TestRunner {
     TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha))
 }
 
