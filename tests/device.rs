@@ -64,12 +64,8 @@ fn solids_are_found_on_the_device_if_they_can_be() {
 /// Objects seen by a depth camera are found on the device, and on the processor for who looks.
 #[test]
 fn a_camera_on_the_device_sees_what_one_here_does() {
-    let on = |solver: &str| {
-        let text = scene_text(solver).replace("geometry = \"solids\"", "geometry = \"camera\"");
-        Scene::parse("device.toml", &text, Path::new(".")).unwrap()
-    };
-    let mut gpu = Pipeline::new(&on("tolerance = 1e-5\ndevice = \"gpu\"")).unwrap();
-    let mut cpu = Pipeline::new(&on("tolerance = 1e-9")).unwrap();
+    let mut gpu = Pipeline::new(&scene("tolerance = 1e-5\ndevice = \"gpu\"")).unwrap();
+    let mut cpu = Pipeline::new(&scene("tolerance = 1e-9")).unwrap();
     assert!(gpu.finds_objects_on_gpu() && !cpu.finds_objects_on_gpu());
     for frame in [0, 1, 1, 3] {
         let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
@@ -86,8 +82,7 @@ fn a_camera_on_the_device_sees_what_one_here_does() {
     assert!(gpu.layers().unwrap().front(0).iter().any(|z| z.is_finite()));
     assert_eq!(gpu.unresolved().unwrap(), cpu.unresolved().unwrap());
     // Other models than surfaces that cut edges are the processor's.
-    let filled = scene_text("device = \"gpu\"").replace("[solver]", "interface = \"centroid\"\n[solver]");
-    let filled = filled.replace("geometry = \"solids\"", "geometry = \"camera\"");
+    let filled = scene_text("device = \"gpu\"").replace("edge-cut", "centroid");
     let filled = Scene::parse("device.toml", &filled, Path::new(".")).unwrap();
     let mut pipeline = Pipeline::new(&filled).unwrap();
     assert!(pipeline.is_on_gpu() && !pipeline.finds_objects_on_gpu());
