@@ -63,10 +63,12 @@ fn star_at(node: u32, place: vec3<u32>) -> Star {
     return star;
 }
 
-// The dual faces of edges along each axis.
+// The dual faces of edges along each axis, their weights in air times their lengths. Of Kuhn's tetrahedra, cells on the diagonal
+// from below to above count by a third, the other two by a sixth.
 fn areas_of(star: Star) -> vec3<f32> {
     let width = 0.5 * (star.below + star.above);
-    return width.yzx * width.zxy;
+    let skew = star.above - star.below;
+    return width.yzx * width.zxy + skew.yzx * skew.zxy / 12.0;
 }
 
 // Cells to a place, given from the node, parts of them counted; no more than FAR.
@@ -136,7 +138,13 @@ fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
     angle.place[axis] = point[axis];
     angle.first[b] = side[b];
     angle.second[c] = side[c];
+    // Where another edge is as near, neither is the nearest.
+    let low = min(distances.x, distances.y);
+    let high = max(distances.x, distances.y);
+    let nearest = min(low, distances.z);
+    let second = max(low, min(high, distances.z));
     angle.inside = -outside[axis];
+    if (angle.inside > 0.0) { angle.inside = min(angle.inside, (second - nearest) / angle.inside); }
     angle.radius = STRAIGHT;
     angle.thickness = 2.0 * min(size[b], size[c]);
     angle.breadth = 2.0 * (size.x + size.y + size.z - min(size.x, min(size.y, size.z)) - max(size.x, max(size.y, size.z)));

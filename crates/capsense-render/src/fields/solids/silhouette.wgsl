@@ -94,19 +94,26 @@ fn part_covered(solid: Solid, tube: Tube, span: Span) -> f32 {
 // What a conductor beside an edge takes from it, and the links of its ends.
 struct Beside { taken: f32, links: vec2<f32> }
 
-// Of one end, if all of the box were covered: what is taken, and the link.
-fn link_beside(tube: Tube, gaps: vec2<f32>, away: f32) -> vec2<f32> {
-    let gap = gaps.x;
-    if (gap > 0.0) {
-        let fading = min(2.0 * (1.0 - gap), 1.0);
-        return vec2<f32>(min(fading, 4.0 * gap), fading * over_way(tube, gap, away));
-    }
-    let filled = 1.0 - gaps.y;
-    return vec2<f32>(0.0, max(1.0 - 2.0 * filled, 0.0) * over_way(tube, filled, away));
+// As a wall comes to the edge, this becomes what the edge rule makes of it.
+fn nearly(part: f32, away: f32) -> f32 {
+    if (part >= 1.0) { return 1.0; }
+    return part / max(part + (1.0 - part) * away, LEAST);
 }
 
-fn over_way(tube: Tube, along: f32, away: f32) -> f32 {
-    return tube.length / max(length(vec2<f32>(away, along * tube.length)), SMALLEST_PART * tube.length);
+// Of one end, if all of the box were covered: what is taken, and the link. `away` is how far the wall is, in parts of the box's width
+// on that side.
+fn link_beside(tube: Tube, gaps: vec2<f32>, wall: f32, away: f32) -> vec2<f32> {
+    let gap = gaps.x;
+    if (gap > 0.0) {
+        let fading = nearly(2.0 * (1.0 - gap), away);
+        return vec2<f32>(fading * nearly(4.0 * gap, away), fading * over_way(tube, gap, wall));
+    }
+    let filled = 1.0 - gaps.y;
+    return vec2<f32>(0.0, max(1.0 - 2.0 * filled, 0.0) * over_way(tube, filled, wall));
+}
+
+fn over_way(tube: Tube, along: f32, wall: f32) -> f32 {
+    return tube.length / max(length(vec2<f32>(wall, along * tube.length)), SMALLEST_PART * tube.length);
 }
 
 // What a conductor fills of the box between an edge and a side of it: the part along the edge and across it, and how much it
@@ -146,14 +153,15 @@ fn beside_towards(solid: Solid, tube: Tube, number: u32, side: u32) -> Beside {
     let found = probe(solid, tube, ray);
     if (!found.is_met) { return nothing; }
     let place = reach * width;
-    let away = place * found.across.enter;
+    let wall = place * found.across.enter;
     // Near the edge the fringe fills some of the box behind it.
-    let start = max(away - fringe, -widths[1u - side]);
+    let start = max(wall - fringe, -widths[1u - side]);
     let covered = max(min(place * found.across.leave, width) - start, 0.0) / (widths.x + widths.y);
     let part = covered * abruptness(solid, tube, found.along, ray, found.middle);
     let gaps = vec2<f32>(found.along.enter, 1.0 - found.along.leave);
-    let at_start = link_beside(tube, gaps, away);
-    let at_end = link_beside(tube, gaps.yx, away);
+    let away = clamp(wall / width, 0.0, 1.0);
+    let at_start = link_beside(tube, gaps, wall, away);
+    let at_end = link_beside(tube, gaps.yx, wall, away);
     return Beside(part * max(at_start.x, at_end.x), part * vec2<f32>(at_start.y, at_end.y));
 }
 

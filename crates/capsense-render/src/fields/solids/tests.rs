@@ -192,7 +192,7 @@ fn faces_in_planes_and_round_bodies_are_those_of_the_processor() {
         let pose = Pose { translation, rotation: turned };
         scenes.push((Shape::Cylinder { radius, length }, pose));
         scenes.push((Shape::Capsule { radius, length }, pose));
-        scenes.push((Shape::Sphere { radius }, pose));
+        scenes.push((Shape::Sphere { radius: radius.max(0.03) }, pose));
     }
     let mut worst = 0.0_f64;
     for (shape, pose) in scenes {
