@@ -5,21 +5,19 @@
 mod common;
 
 use capsense::core::occupancy::Interface;
-use capsense::evidence::stress::{Cell, Ladder, Map, Measured, Method, Outcome, Status, Stress};
+use capsense::evidence::stress::{Cell, Map, Measured, Method, Outcome, Status, Stress};
 use common::{SCENE, capsense};
+use std::sync::LazyLock;
 
 const COMMITTED: &[u8] = include_bytes!("../docs/stress.csv");
 
-fn two_threads(ladder: Ladder) -> Map {
-    Map::measure(ladder, 2, |_| true)
-}
+/// The whole map, as it is now.
+static MAP: LazyLock<Map> = LazyLock::new(|| Map::measure(2, |_| true));
 
-/// A part of the columns; the whole map is `capsense stress`, whose table is the committed one.
 #[test]
 fn no_method_is_worse_than_it_was() {
-    let map = two_threads(Ladder::Reduced);
-    assert_eq!(map.cells.len(), Stress::all(Ladder::Reduced).len() * Method::all().len());
-    let worse = map.worse_than(COMMITTED, Ladder::Reduced).unwrap();
+    assert_eq!(MAP.cells.len(), Stress::all().len() * Method::all().len());
+    let worse = MAP.worse_than(COMMITTED).unwrap();
     assert!(worse.is_empty(), "{worse:#?}");
 }
 
@@ -27,7 +25,7 @@ fn no_method_is_worse_than_it_was() {
 #[test]
 fn none_of_our_solvers_is_wrong_without_notice() {
     let mut fields = 0;
-    for record in csv::Reader::from_reader(COMMITTED).records() {
+    for record in csv::Reader::from_reader(&MAP.to_csv().unwrap()[..]).records() {
         let record = record.unwrap();
         if &record[2] == "paper" || &record[5] == "refused" {
             continue;
@@ -45,7 +43,7 @@ fn none_of_our_solvers_is_wrong_without_notice() {
 fn error_bars_of_all_interface_models_are_as_large_as_errors() {
     for interface in [Interface::EdgeCut, Interface::VolumeFraction, Interface::Centroid] {
         let (mut errors, mut bars, mut held) = (Vec::new(), Vec::new(), 0);
-        for record in csv::Reader::from_reader(COMMITTED).records() {
+        for record in csv::Reader::from_reader(&MAP.to_csv().unwrap()[..]).records() {
             let record = record.unwrap();
             // Solvers differ by next to nothing, so one tells as much as all on a lattice, and one off it.
             let is_one = ["direct", "multigrid, any mesh"].contains(&&record[3]);
@@ -104,29 +102,25 @@ fn a_field_that_is_worse_or_missing_is_found() {
     let map = |cell| Map { cells: vec![cell] };
     let good = map(measured(7, 0.0, None));
     let table = good.to_csv().unwrap();
-    assert_eq!(good.worse_than(&table, Ladder::Full).unwrap(), []);
+    assert_eq!(good.worse_than(&table).unwrap(), []);
     let slow = map(measured(700, 0.0, None));
-    let worse = slow.worse_than(&table, Ladder::Full).unwrap();
+    let worse = slow.worse_than(&table).unwrap();
     assert_eq!((worse.len(), worse[0].was, worse[0].is), (1, Status::Ok, Status::Slow));
     assert_eq!(worse[0].field[..2], ["gap to electrode", "1 mm"]);
-    // Better ones are no fault, and what is on another ladder is not missed.
-    assert_eq!(good.worse_than(&slow.to_csv().unwrap(), Ladder::Full).unwrap(), []);
+    // Better ones are no fault.
+    assert_eq!(good.worse_than(&slow.to_csv().unwrap()).unwrap(), []);
     let nothing = Map { cells: vec![] };
-    assert_eq!(nothing.worse_than(&table, Ladder::Full).unwrap()[0].is, Status::Wrong);
-    assert_eq!(nothing.worse_than(&table, Ladder::Reduced).unwrap(), []);
-    assert!(
-        good.worse_than(b"stress,level,interface,solver,precision,status\na,b,c,d,e,f\n", Ladder::Full)
-            .is_err()
-    );
+    assert_eq!(nothing.worse_than(&table).unwrap()[0].is, Status::Wrong);
+    assert!(good.worse_than(b"stress,level,interface,solver,precision,status\na,b,c,d,e,f\n").is_err());
 }
 
 #[test]
 fn the_drawing_has_every_family_and_every_method() {
-    let cells = Stress::all(Ladder::Full).into_iter().flat_map(|stress| {
+    let cells = Stress::all().into_iter().flat_map(|stress| {
         Method::all().into_iter().map(move |method| Cell { method, stress, ..measured(7, 0.0, None) })
     });
     let svg = Map { cells: cells.collect() }.to_svg().unwrap();
-    for stress in Stress::all(Ladder::Full) {
+    for stress in Stress::all() {
         assert!(svg.contains(stress.family()) && svg.contains(&stress.to_string()), "{stress}");
     }
     for method in Method::all() {
@@ -136,11 +130,11 @@ fn the_drawing_has_every_family_and_every_method() {
 
 #[test]
 fn what_is_interrupted_leaves_whole_columns() {
-    let map = Map::measure(Ladder::Reduced, 1, |done| done < 1);
+    let map = Map::measure(1, |done| done < 1);
     let rows = Method::all();
     assert_eq!(map.cells.len(), rows.len());
     assert!(map.cells.iter().zip(&rows).all(|(cell, row)| cell.method == *row));
-    assert_eq!(map.to_csv().unwrap(), Map::measure(Ladder::Reduced, 1, |done| done < 1).to_csv().unwrap());
+    assert_eq!(map.to_csv().unwrap(), Map::measure(1, |done| done < 1).to_csv().unwrap());
 }
 
 #[test]

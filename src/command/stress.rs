@@ -4,7 +4,7 @@ use super::interrupt::Interrupt;
 use super::output::{print_out, write_whole};
 use super::text::table;
 use anyhow::{Context, bail};
-use capsense::evidence::stress::{Ladder, Map, Method, Status, Stress};
+use capsense::evidence::stress::{Map, Method, Status, Stress};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -30,12 +30,12 @@ pub(super) fn stress(arguments: &StressArguments) -> anyhow::Result<()> {
     let out = &arguments.out;
     let interrupt = Interrupt::listen().context("cannot listen for Ctrl-C")?;
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let columns = Stress::all(Ladder::Full).len();
+    let columns = Stress::all().len();
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} stresses, {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     let progress = ProgressBar::new(columns as u64).with_style(style);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let map = Map::measure(Ladder::Full, threads, |done| {
+    let map = Map::measure(threads, |done| {
         progress.set_position(done as u64);
         !interrupt.requested()
     });

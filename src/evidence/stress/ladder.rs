@@ -53,18 +53,9 @@ pub enum Stress {
     Ungrounded(Parts),
 }
 
-/// How much is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ladder {
-    /// Every level.
-    Full,
-    /// The ends of each family and what is between them at most once: for a test that runs often.
-    Reduced,
-}
-
 impl Stress {
     /// All columns in their order.
-    pub fn all(ladder: Ladder) -> Vec<Self> {
+    pub fn all() -> Vec<Self> {
         let mut all = Vec::new();
         all.extend([1e-6, 1e-3, 4.0, 80.0, 1e3, 1e6, 1e9, 1e12].map(Self::Permittivity));
         all.extend([1.0, 0.1, 1e-2, 1e-4, 1e-6, 1e-13].map(Self::Sliver));
@@ -79,24 +70,7 @@ impl Stress {
         all.extend(afloat.map(Self::Floating));
         let parts = [Parts::Grounded, Parts::ElectrodeAlone, Parts::NoGround, Parts::Nothing];
         all.extend(parts.map(Self::Ungrounded));
-        if ladder == Ladder::Reduced {
-            all.retain(|stress| stress.is_in_reduced_ladder());
-        }
         all
-    }
-
-    fn is_in_reduced_ladder(self) -> bool {
-        match self {
-            Self::Permittivity(value) => [1e-6, 80.0, 1e12].contains(&value),
-            Self::Sliver(degrees) => [1e-2, 1e-13].contains(&degrees),
-            Self::Gap(metres) => [1e-2, 1e-6].contains(&metres),
-            Self::Jump(ratio) => ratio == 100.0,
-            Self::Frames(frames) => frames == 30,
-            Self::Tolerance(tolerance) => [1e-4, 1e-12].contains(&tolerance),
-            Self::ThinConductor(metres) | Self::ThinDielectric(metres) => metres == 2e-4,
-            Self::Floating(afloat) => afloat == Afloat::Eight,
-            Self::Ungrounded(parts) => parts != Parts::Grounded,
-        }
     }
 
     /// What columns are grouped by.

@@ -16,7 +16,7 @@ mod table;
 
 pub use cell::{ALLOWED, Cell, MODEL, Measured, Outcome, SLOW, Status};
 pub use drawing::DrawingError;
-pub use ladder::{Afloat, Ladder, Parts, Stress};
+pub use ladder::{Afloat, Parts, Stress};
 pub use method::{Method, Solver};
 pub use table::{TableError, Worse};
 
@@ -33,8 +33,8 @@ pub struct Map {
 impl Map {
     /// Measures all columns on so many threads. `keep_going` is asked before each field with the number of columns that are
     /// done; once it says no, the columns that are complete are all there is.
-    pub fn measure(ladder: Ladder, threads: usize, keep_going: impl Fn(usize) -> bool + Sync) -> Self {
-        let stresses = Stress::all(ladder);
+    pub fn measure(threads: usize, keep_going: impl Fn(usize) -> bool + Sync) -> Self {
+        let stresses = Stress::all();
         let rows = Method::all().len();
         let columns: Mutex<Vec<Vec<Cell>>> = Mutex::new(vec![Vec::new(); stresses.len()]);
         let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));

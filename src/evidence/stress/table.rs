@@ -1,7 +1,7 @@
 //! The map as a table: one row for each field that can be judged.
 
 use super::cell::{Cell, Outcome, Status};
-use super::{Ladder, Map, Method, Stress};
+use super::{Map, Method, Stress};
 use std::collections::HashMap;
 
 const HEADER: [&str; 12] = [
@@ -57,15 +57,13 @@ impl Map {
         Ok(writer.into_inner().map_err(|error| error.into_error())?)
     }
 
-    /// The fields that are worse than in a table written earlier, and those that it has and this map, on its ladder, has
-    /// not.
+    /// The fields that are worse than in a table written earlier, and those that it has and this map has not.
     ///
     /// # Errors
     /// When the table is none.
-    pub fn worse_than(&self, table: &[u8], ladder: Ladder) -> Result<Vec<Worse>, TableError> {
+    pub fn worse_than(&self, table: &[u8]) -> Result<Vec<Worse>, TableError> {
         let now: HashMap<[String; 4], Status> =
             self.cells.iter().filter_map(|cell| Some((field(cell), cell.status()?))).collect();
-        let levels: Vec<[String; 2]> = Stress::all(ladder).into_iter().map(column).collect();
         let mut worse = Vec::new();
         for record in csv::Reader::from_reader(table).records() {
             let record = record?;
@@ -73,11 +71,9 @@ impl Map {
             let field = [0, 1, 2, 3].map(word);
             let was = Status::ALL.into_iter().find(|status| status.name() == word(5));
             let was = was.ok_or_else(|| TableError::Status(word(5)))?;
-            if levels.iter().any(|level| level[..] == field[..2]) {
-                let is = now.get(&field).copied().unwrap_or(Status::Wrong);
-                if is.rank() > was.rank() {
-                    worse.push(Worse { field, was, is });
-                }
+            let is = now.get(&field).copied().unwrap_or(Status::Wrong);
+            if is.rank() > was.rank() {
+                worse.push(Worse { field, was, is });
             }
         }
         Ok(worse)
