@@ -100,6 +100,8 @@ pub(super) struct FieldDevice {
     results_len: usize,
     readback: wgpu::Buffer,
     changes: Vec<u32>,
+    /// What the launches were told last.
+    told: Vec<u8>,
     /// What finds objects, if they are found on the device, and the scenes in which it is to.
     pub(super) finder: Option<Finder>,
     due: Vec<bool>,
@@ -200,6 +202,7 @@ impl FieldDevice {
             results_len,
             readback,
             changes: Vec::new(),
+            told: Vec::new(),
             finder,
             due: vec![false; scenes],
         })
@@ -266,7 +269,7 @@ impl FieldDevice {
     ) -> Result<(Vec<SceneResult>, Traffic), RenderError> {
         let finds = iterations.start == 0 && self.due.contains(&true);
         // Whether an object is nowhere is known on the device only.
-        let empties = empties || self.finder.is_some();
+        let empties = empties || self.finder.as_ref().is_some_and(Finder::has_columns);
         let is_exact = self.finder.as_ref().is_some_and(Finder::is_exact);
         let work = Work { iterations, changed_rows: most_rows as u32, empties, finds, is_exact };
         let launches = self.sharing.launches(&self.plan, &work);
@@ -274,7 +277,12 @@ impl FieldDevice {
         for (bytes, (_, launch, _)) in told.chunks_exact_mut(LAUNCH_STRIDE as usize).zip(&launches) {
             bytes[..size_of::<Launch>()].copy_from_slice(bytemuck::bytes_of(launch));
         }
-        self.adapter.queue.write_buffer(&self.launches, 0, &told);
+        // Frames that are alike have the same launches.
+        let is_told = self.told == told;
+        if !is_told {
+            self.adapter.queue.write_buffer(&self.launches, 0, &told);
+            self.told = told;
+        }
         let mut encoder = self.adapter.device.create_command_encoder(&Default::default());
         if let Some(finder) = self.finder.as_ref().filter(|_| finds) {
             finder.draw(&self.due, &mut encoder);
@@ -299,7 +307,7 @@ impl FieldDevice {
         let (words, flags) = words.split_at(self.results_len * self.scenes);
         let traffic = Traffic {
             launches: launches.len(),
-            sent: told.len() as u64,
+            sent: if is_told { 0 } else { self.told.len() as u64 },
             received: self.readback.size(),
             moved: 0,
         };

@@ -201,6 +201,11 @@ impl Finder {
         self.scenes[scene].place(poses)
     }
 
+    /// Whether an object has a column, which is to be empty where the object is nowhere.
+    pub(super) fn has_columns(&self) -> bool {
+        self.scenes.iter().any(|placed| placed.columns(self.electrodes) != 0)
+    }
+
     /// Whether a scene's objects were placed and not found there yet.
     pub(super) fn is_due(&self, scene: usize) -> bool {
         self.scenes[scene].is_due
