@@ -22,12 +22,13 @@ impl Simulator {
         Ok(RemoteProblem { lattice: lattice.clone(), columns })
     }
 
-    /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
+    /// [`Simulator::with_interface`] with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
     /// this sensor and these materials.
     ///
     /// # Errors
     /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the fields are not made for it and these materials, the
-    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows.
+    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows, or what has
+    /// the fields finds objects of other materials by itself.
     pub fn with_remote(
         sensor: Sensor,
         materials: Vec<Material>,
