@@ -79,10 +79,18 @@ struct CameraUniform {
 /// How objects are known.
 #[derive(Debug)]
 enum Source {
-    /// By a camera. Nothing is drawn where no scene has an object.
-    Camera { gpu: GpuDevice, camera: Camera, drawing: Option<Drawing> },
+    /// By a camera.
+    Camera(Box<Seen>),
     /// As solids.
     Exact,
+}
+
+/// A camera, and what draws what it sees: nothing where no scene has an object.
+#[derive(Debug)]
+struct Seen {
+    gpu: GpuDevice,
+    camera: Camera,
+    drawing: Option<Drawing>,
 }
 
 /// What finds the objects of some scenes.
@@ -219,11 +227,12 @@ impl Finder {
         let is_due = is_solved && placed.is_due;
         if is_due {
             match &self.source {
-                Source::Camera { gpu, camera, drawing: Some(drawing) } => {
-                    let rows = placed.tell_drawn(camera, drawing, &self.axes, words);
-                    drawing.place(gpu, placed.first, &rows);
+                Source::Camera(seen) => {
+                    if let Some(drawing) = &seen.drawing {
+                        let rows = placed.tell_drawn(&seen.camera, drawing, &self.axes, words);
+                        drawing.place(&seen.gpu, placed.first, &rows);
+                    }
                 }
-                Source::Camera { drawing: None, .. } => {}
                 Source::Exact => placed.tell_exact(&self.axes, words),
             }
         }
@@ -233,7 +242,8 @@ impl Finder {
 
     /// Draws the objects of all scenes that were told of as placed anew.
     pub(super) fn draw(&self, told: &[bool], encoder: &mut wgpu::CommandEncoder) {
-        let Source::Camera { gpu, camera, drawing: Some(drawing) } = &self.source else { return };
+        let Source::Camera(seen) = &self.source else { return };
+        let Seen { gpu, camera, drawing: Some(drawing) } = &**seen else { return };
         let due = self.scenes.iter().zip(told).filter(|(_, told)| **told);
         let mut tiles: Vec<Tile> = due.flat_map(|(placed, _)| placed.tiles()).collect();
         tiles.sort_unstable_by_key(|tile| tile.tile);
@@ -277,7 +287,12 @@ fn drawn(
     let drawing = Drawing::new(&gpu, None, &camera.view, &meshes, count)?;
     let pages = drawing.as_ref().map_or(0, |drawing| count.div_ceil(drawing.atlas.capacity()) as u64);
     let sources_len = drawing.as_ref().map_or(4, |drawing| pages * drawing.atlas.buffer_bytes());
-    Ok(Prepared { source: Source::Camera { gpu, camera, drawing }, scenes, numbers: Vec::new(), sources_len })
+    Ok(Prepared {
+        source: Source::Camera(Box::new(Seen { gpu, camera, drawing })),
+        scenes,
+        numbers: Vec::new(),
+        sources_len,
+    })
 }
 
 fn exact(scenes: &[Objects], electrodes: usize) -> Result<Prepared, RenderError> {
