@@ -1,10 +1,13 @@
 //! Where a scene's fields are computed: on the processor, or on a graphics device.
 
 use crate::pipeline::PipelineError;
-use crate::scene::Scene;
+use crate::scene::{Geometry, Scene};
+use capsense_core::occupancy::Interface;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
-use capsense_render::fields::GpuFields;
+use capsense_core::solver::RemoteProblem;
+use capsense_render::RenderError;
+use capsense_render::fields::{Camera, GpuFields, Objects};
 
 /// What a scene asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,10 +49,47 @@ pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineEr
 pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
     let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
     let problem = Simulator::remote_problem(&sensor, &materials)?;
-    let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
+    let gpu = match finding_objects(scene, &sensor, &problem, allow_software) {
+        Some(gpu) => gpu,
+        None => GpuFields::new(&problem, 1, allow_software),
+    };
+    let gpu = gpu.map_err(PipelineError::Device)?;
     let fields = gpu
         .scene(0, problem.columns)
         .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
     let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
     Ok(Placed { simulator, gpu: Some(gpu) })
+}
+
+/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, solids of triangles, or
+/// more than the adapter takes.
+fn finding_objects(
+    scene: &Scene,
+    sensor: &Sensor,
+    problem: &RemoteProblem,
+    allow_software: bool,
+) -> Option<Result<GpuFields, RenderError>> {
+    if scene.interface != Interface::EdgeCut {
+        return None;
+    }
+    let objects = Objects {
+        shapes: scene.objects.iter().map(|object| object.shape.clone()).collect(),
+        materials: scene.objects.iter().map(|object| object.material).collect(),
+    };
+    let (of_sensor, objects) = ((problem, sensor), [objects]);
+    let gpu = match scene.geometry {
+        Geometry::Camera => {
+            let camera = Camera { view: scene.view, back_fill: scene.back_fill };
+            GpuFields::with_camera(of_sensor, camera, &objects, allow_software)
+        }
+        Geometry::Solids(_) => GpuFields::with_solids(of_sensor, &objects, allow_software),
+    };
+    match gpu {
+        Err(
+            RenderError::LimitExceeded { .. }
+            | RenderError::OutOfMemory { .. }
+            | RenderError::NotConvex { .. },
+        ) => None,
+        fields => Some(fields),
+    }
 }

@@ -1,5 +1,6 @@
 //! The main path of a frame: occupancy, stiffness, solve, capacitance.
 
+mod elsewhere;
 mod refusal;
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
@@ -8,16 +9,12 @@ use crate::fields::Fields;
 use crate::material::Material;
 use crate::occupancy::{Contact, EdgeGeometry, Interface, Occupancy, Surfaces, unresolved};
 use crate::sensor::Sensor;
-use crate::solver::{CONTRAST, Preconditioner, RemoteFields, RemoteProblem, SolveReport, SolverOptions};
+use crate::solver::{CONTRAST, Preconditioner, RemoteFields, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
 pub use refusal::SimulatorError;
 
 /// Largest relative error of the self-capacitances of the empty scene.
 const TOLERANCE_AT_REST: f64 = 1e-8;
-
-/// The part of the tolerance that is asked of fields elsewhere where there are strong dielectrics: what the potential of such
-/// a body as a whole has ahead shows late, and nothing but iterations finds it there.
-const STRONG_ON_DEVICE: f64 = 0.1;
 
 /// What a frame took.
 #[must_use]
@@ -78,6 +75,8 @@ pub struct Simulator {
     released: CapacitanceMatrix,
     base: CapacitanceMatrix,
     capacitance: CapacitanceMatrix,
+    /// Whether occupancy and matrix are not those of the last frame, as a device found its objects.
+    is_unseen: bool,
 }
 
 impl Simulator {
@@ -104,41 +103,6 @@ impl Simulator {
         interface: Interface,
     ) -> Result<Self, SimulatorError> {
         Self::build(sensor, materials, options, interface, None)
-    }
-
-    /// What fields elsewhere are made for.
-    ///
-    /// # Errors
-    /// When the sensor's mesh is no lattice.
-    pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Result<RemoteProblem, SimulatorError> {
-        let columns = sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count();
-        let lattice = sensor.lattice().ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
-        Ok(RemoteProblem { lattice: lattice.clone(), columns })
-    }
-
-    /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
-    /// this sensor and these materials.
-    ///
-    /// # Errors
-    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the fields are not made for it and these materials, the
-    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows.
-    pub fn with_remote(
-        sensor: Sensor,
-        materials: Vec<Material>,
-        options: SolverOptions,
-        interface: Interface,
-        remote: Box<dyn RemoteFields>,
-    ) -> Result<Self, SimulatorError> {
-        let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
-        let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
-        refusal::check_remote(&materials, &options)?;
-        let problem = Self::remote_problem(&sensor, &materials)?;
-        if [sensor.mesh().nodes().len(), problem.columns] != remote.shape() {
-            return Err(SimulatorError::NotForDevice(
-                "its fields were made for another mesh or other objects",
-            ));
-        }
-        Self::build(sensor, materials, options, interface, Some(remote))
     }
 
     fn build(
@@ -173,6 +137,7 @@ impl Simulator {
             matrix,
             occupancy,
             fields,
+            is_unseen: false,
         };
         // More steps than needed show the condition number, from which errors are told in all frames that follow.
         simulator.options.tolerance = options.tolerance.min(TOLERANCE_AT_REST);
@@ -199,21 +164,10 @@ impl Simulator {
     /// # Errors
     /// When the depth image is invalid or shows another number of objects. The frame before stays in force.
     pub fn update(&mut self, surfaces: &impl Surfaces) -> Result<usize, SimulatorError> {
-        surfaces.validate()?;
-        if surfaces.objects() != self.materials.len() {
-            return Err(SimulatorError::ObjectCount {
-                seen: surfaces.objects(),
-                known: self.materials.len(),
-            });
+        if self.fields.found().is_some() {
+            return Err(SimulatorError::NotForDevice("it finds the objects by itself"));
         }
-        let _awake = self.fields.wake();
-        let mesh = EdgeGeometry {
-            nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.owners(),
-            edges: self.matrix.network().edges(),
-            permittivity: self.matrix.network().permittivity(),
-        };
-        self.occupancy.update(mesh, &self.materials, surfaces);
+        self.find(surfaces)?;
         self.fields.bracket(
             &self.matrix,
             &self.occupancy,
@@ -232,10 +186,23 @@ impl Simulator {
         Ok(self.occupancy.changed_edges().len())
     }
 
-    /// Tells fields that are elsewhere, see [`Simulator::with_remote`], that [`Simulator::solve`] will be called next: those of
-    /// other simulators on the same device can then be computed by the same launches.
-    pub fn announce_solve(&mut self) {
-        self.fields.announce(&self.options);
+    fn find(&mut self, surfaces: &impl Surfaces) -> Result<(), SimulatorError> {
+        surfaces.validate()?;
+        if surfaces.objects() != self.materials.len() {
+            return Err(SimulatorError::ObjectCount {
+                seen: surfaces.objects(),
+                known: self.materials.len(),
+            });
+        }
+        let _awake = self.fields.wake();
+        let mesh = EdgeGeometry {
+            nodes: self.sensor.mesh().nodes(),
+            terminals: self.sensor.owners(),
+            edges: self.matrix.network().edges(),
+            permittivity: self.matrix.network().permittivity(),
+        };
+        self.occupancy.update(mesh, &self.materials, surfaces);
+        Ok(())
     }
 
     /// Solves for the fields, starting from those of the frame before, and evaluates the capacitance matrix.
@@ -294,8 +261,11 @@ impl Simulator {
     /// them. A capacitance from an object to ground is not part of it.
     ///
     /// # Errors
-    /// When the fields are on a device that fails.
+    /// When the fields are on a device that fails, or that found the objects and nobody called [`Simulator::look`] since.
     pub fn capacitance_to_ground(&self) -> Result<Vec<f64>, SimulatorError> {
+        if self.is_unseen {
+            return Err(SimulatorError::NotForDevice("its objects were not looked at on the processor"));
+        }
         let mut all = self.held.clone();
         let ground = all.size() - 1;
         for (column, charge) in self.fields.charges_on_ground(&self.matrix)?.into_iter().enumerate() {
@@ -372,7 +342,7 @@ impl Simulator {
         self.options.preconditioner
     }
 
-    /// The stiffness matrix of the last frame.
+    /// The stiffness matrix of the last frame, or of the last [`Simulator::look`] where a device finds objects.
     pub fn matrix(&self) -> &StiffnessMatrix {
         &self.matrix
     }
@@ -380,7 +350,12 @@ impl Simulator {
     /// Conducting objects that touch or cover electrodes in the last frame, in increasing order. The capacitances of
     /// what touches are then not those of any sensor, but artefacts of the mesh.
     pub fn contacts(&self) -> &[Contact] {
-        self.occupancy.contacts()
+        self.fields.found().map_or(self.occupancy.contacts(), |found| &found.contacts)
+    }
+
+    /// Number of edges whose coupling or ends changed in the last frame.
+    pub fn changed_edges(&self) -> usize {
+        self.fields.found().map_or(self.occupancy.changed_edges().len(), |found| found.changed_edges)
     }
 
     /// Objects that the mesh is too coarse for, in increasing order: strong dielectrics thinner than cells, bodies that fill
@@ -401,7 +376,7 @@ impl Simulator {
         }
     }
 
-    /// What objects occupy in the last frame.
+    /// What objects occupy in the last frame, or when [`Simulator::look`] was called last where a device finds them.
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }

@@ -23,6 +23,14 @@ pub enum RenderError {
         /// What is wrong with its shape.
         source: TessellateError,
     },
+    /// An object is none of those that are found as solids.
+    #[error(
+        "object {object} is a triangle mesh; a graphics adapter finds boxes, spheres, capsules and cylinders as solids"
+    )]
+    NotConvex {
+        /// Index of the object.
+        object: usize,
+    },
     /// There are more or fewer poses than objects.
     #[error("{poses} poses for {objects} objects")]
     PoseCount {
@@ -77,4 +85,14 @@ pub enum RenderError {
         /// What the driver said.
         reason: String,
     },
+}
+
+impl RenderError {
+    /// The same of an object of this number, where it is about one that was looked at alone.
+    pub(crate) fn of_object(self, object: usize) -> Self {
+        match self {
+            Self::Shape { source, .. } => Self::Shape { object, source },
+            other => other,
+        }
+    }
 }

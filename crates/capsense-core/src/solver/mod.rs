@@ -22,7 +22,8 @@ pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
 pub use preconditioner::Preconditioner;
 pub use remote::{
-    Changes, Feed, HELD_AT_ZERO, NO_HOLDER, NodeRow, RemoteFields, RemoteProblem, RemoteSolution, of_links,
+    Changes, Feed, Found, HELD_AT_ZERO, NO_HOLDER, NodeRow, RemoteFields, RemoteProblem, RemoteSolution,
+    of_links,
 };
 pub(crate) use workers::Awake;
 

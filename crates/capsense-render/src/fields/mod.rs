@@ -7,12 +7,16 @@
 //! the two step by step.
 
 mod device;
+mod finder;
 mod gpu;
 mod iteration;
 mod launch;
+#[cfg(test)]
+mod object_tests;
 mod plan;
 mod rules;
 mod shader;
+mod solids;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]
@@ -21,4 +25,5 @@ mod twin;
 mod twin_fields;
 
 pub use device::Traffic;
+pub use finder::{Camera, Objects};
 pub use gpu::{GpuFields, has_adapter};
