@@ -134,3 +134,32 @@ impl Shares {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eliminated rows have places of their own, and kernels find there what was put in.
+    #[test]
+    fn eliminated_rows_stand_apart() {
+        let (fine, eliminated) = ([19, 9, 10], [1, 4, 6]);
+        let kept: Vec<bool> = (0..fine[1]).map(|row| !eliminated.contains(&row)).collect();
+        let mut shares = Shares::zeros(fine, 1, &kept, &Layout::new(fine, [0, 0]));
+        let rows = || (0..fine[2]).flat_map(|k| eliminated.map(|j| (j, k)));
+        let number = |i: usize, j: usize, k: usize| (i + 100 * j + 1000 * k) as f32;
+        for (j, k) in rows() {
+            let at = shares.place([0, j, k]);
+            (0..fine[0]).for_each(|i| shares.values[at + i] = number(i, j, k));
+            shares.arrange(&(0..fine[0].next_multiple_of(BLOCK)), j, k);
+        }
+        let half = half_row(fine[0]);
+        for (j, k) in rows() {
+            for i in 0..fine[0] {
+                let at = [0, half][i % 2] + BLOCK + i / 2;
+                assert_eq!(shares.row(j, k)[at], number(i, j, k), "{i} {j} {k}");
+            }
+        }
+        let plane = fine[0].next_multiple_of(BLOCK) * eliminated.len();
+        assert_eq!(shares.values.len(), plane * (fine[2] + 2));
+    }
+}
