@@ -7,8 +7,10 @@ use crate::estimate::{Capacitances, ErrorBars};
 use crate::fields::Fields;
 use crate::material::Material;
 use crate::occupancy::{Contact, EdgeGeometry, Interface, Occupancy, Surfaces, unresolved};
-use crate::sensor::Sensor;
-use crate::solver::{CONTRAST, Preconditioner, RemoteFields, RemoteProblem, SolveReport, SolverOptions};
+use crate::sensor::{FREE, Sensor};
+use crate::solver::{
+    CONTRAST, NetworkProblem, Preconditioner, RemoteFields, RemoteProblem, SolveReport, SolverOptions,
+};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
 pub use refusal::SimulatorError;
 
@@ -106,21 +108,39 @@ impl Simulator {
         Self::build(sensor, materials, options, interface, None)
     }
 
-    /// What fields elsewhere are made for.
+    /// What fields elsewhere are made for where the mesh is a lattice.
     ///
     /// # Errors
     /// When the sensor's mesh is no lattice.
     pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Result<RemoteProblem, SimulatorError> {
-        let columns = sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count();
+        let columns = columns(sensor, materials);
         let lattice = sensor.lattice().ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
         Ok(RemoteProblem { lattice: lattice.clone(), columns })
     }
 
-    /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
-    /// this sensor and these materials.
+    /// What fields elsewhere are made for where it is none. It assembles the matrix of the empty scene.
     ///
     /// # Errors
-    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the fields are not made for it and these materials, the
+    /// When the sensor's mesh is a lattice.
+    pub fn network_problem(
+        sensor: &Sensor,
+        materials: &[Material],
+        interface: Interface,
+    ) -> Result<NetworkProblem, SimulatorError> {
+        if sensor.lattice().is_some() {
+            return Err(SimulatorError::NotForDevice("the mesh is a lattice, which has a solver of its own"));
+        }
+        let (network, _) = nothing_there(sensor, materials, interface);
+        let matrix = StiffnessMatrix::new(network, sensor.mesh().nodes().len());
+        let fixed: Vec<bool> = sensor.terminals().iter().map(|&terminal| terminal != FREE).collect();
+        Ok(NetworkProblem::new(&matrix, &fixed, columns(sensor, materials)))
+    }
+
+    /// The same with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] or
+    /// [`Simulator::network_problem`] tells of this sensor and these materials.
+    ///
+    /// # Errors
+    /// As [`Simulator::new`], and when the fields are not made for the sensor and these materials, the
     /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows.
     pub fn with_remote(
         sensor: Sensor,
@@ -132,8 +152,8 @@ impl Simulator {
         let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
         let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
         refusal::check_remote(&materials, &options)?;
-        let problem = Self::remote_problem(&sensor, &materials)?;
-        if [sensor.mesh().nodes().len(), problem.columns] != remote.shape() {
+        let shape = [sensor.mesh().nodes().len(), columns(&sensor, &materials)];
+        if shape != remote.shape() || sensor.lattice().is_none() != remote.is_of_network() {
             return Err(SimulatorError::NotForDevice(
                 "its fields were made for another mesh or other objects",
             ));
@@ -430,6 +450,11 @@ pub(crate) fn nothing_there(
     (network, occupancy)
 }
 
+/// Number of fields: one for each electrode and for each object that finds its own potential.
+fn columns(sensor: &Sensor, materials: &[Material]) -> usize {
+    sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count()
+}
+
 /// Whether a dielectric is so polarisable that it nearly is a floating conductor.
 fn may_float(material: &Material) -> bool {
     matches!(material, Material::Dielectric(permittivity) if permittivity.value() >= CONTRAST)
@@ -449,7 +474,7 @@ mod tests {
     use crate::geometry::Aabb;
     use crate::material::Connection;
     use crate::occupancy::{DepthLayers, NO_OBJECT, OrthographicView};
-    use crate::sensor::{FREE, SensorDesign, Wall};
+    use crate::sensor::{SensorDesign, Wall};
     use glam::{DVec2, DVec3};
 
     /// From the potentials and K as compressed rows; links to an object at 0 V are on the diagonal alone.

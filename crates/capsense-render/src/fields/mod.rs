@@ -10,6 +10,7 @@ mod device;
 mod gpu;
 mod iteration;
 mod launch;
+mod network;
 mod plan;
 mod rules;
 mod shader;
@@ -22,3 +23,4 @@ mod twin_fields;
 
 pub use device::Traffic;
 pub use gpu::{GpuFields, has_adapter};
+pub use network::GpuNetwork;
