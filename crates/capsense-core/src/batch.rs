@@ -58,19 +58,34 @@ impl Batch {
     /// they are, and have no report. A scene that fails does not hold up the others.
     pub fn step<S: Surfaces + Sync>(&mut self, surfaces: &[S]) -> Vec<Result<StepReport, SimulatorError>> {
         let count = surfaces.len().min(self.simulators.len());
+        self.step_all(count, |scene, simulator| simulator.update(&surfaces[scene]).map(|_| ()))
+    }
+
+    /// One frame of every scene whose objects are found where the fields are: [`Simulator::step_elsewhere`]. A scene that fails
+    /// does not hold up the others.
+    pub fn step_elsewhere(&mut self) -> Vec<Result<StepReport, SimulatorError>> {
+        self.step_all(self.simulators.len(), |_, simulator| simulator.update_elsewhere())
+    }
+
+    fn step_all(
+        &mut self,
+        count: usize,
+        update: impl Fn(usize, &mut Simulator) -> Result<(), SimulatorError> + Sync,
+    ) -> Vec<Result<StepReport, SimulatorError>> {
         let simulators = &mut self.simulators[..count];
-        let updated: Vec<Result<usize, SimulatorError>> = simulators
+        let updated: Vec<Result<(), SimulatorError>> = simulators
             .par_iter_mut()
-            .zip(surfaces)
-            .map(|(simulator, surfaces)| {
-                let changed = simulator.update(surfaces)?;
+            .enumerate()
+            .map(|(scene, simulator)| {
+                update(scene, simulator)?;
                 simulator.announce_solve();
-                Ok(changed)
+                Ok(())
             })
             .collect();
         let solved = simulators.par_iter_mut().zip(updated).map(|(simulator, updated)| {
-            let changed_edges = updated?;
-            Ok(StepReport { changed_edges, solve: simulator.solve()? })
+            updated?;
+            let solve = simulator.solve()?;
+            Ok(StepReport { changed_edges: simulator.changed_edges(), solve })
         });
         solved.collect()
     }

@@ -6,7 +6,8 @@ use crate::material::Material;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
 use crate::solver::{
-    Awake, EdgeFields, FieldSolver, Preconditioner, RemoteFields, SolveError, SolveReport, SolverOptions,
+    Awake, EdgeFields, FieldSolver, Found, Preconditioner, RemoteFields, SolveError, SolveReport,
+    SolverOptions,
 };
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
@@ -253,6 +254,16 @@ impl Fields {
         for node in self.changed.drain(..) {
             self.is_changed[node as usize] = false;
         }
+    }
+
+    /// Objects that are found where fields are were placed anew.
+    pub(crate) fn placed_elsewhere(&mut self) {
+        self.solver.placed_elsewhere();
+    }
+
+    /// What was found of objects where fields are, if they are found there.
+    pub(crate) fn found(&self) -> Option<&Found> {
+        self.solver.found()
     }
 
     /// Has the potentials of one column at hand.

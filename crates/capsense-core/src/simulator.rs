@@ -80,6 +80,8 @@ pub struct Simulator {
     released: CapacitanceMatrix,
     base: CapacitanceMatrix,
     capacitance: CapacitanceMatrix,
+    /// Whether occupancy and matrix are not those of the last frame, as a device found its objects.
+    is_unseen: bool,
 }
 
 impl Simulator {
@@ -158,6 +160,11 @@ impl Simulator {
                 "its fields were made for another mesh or other objects",
             ));
         }
+        if remote.finds().is_some_and(|found| found != materials || interface != Interface::EdgeCut) {
+            return Err(SimulatorError::NotForDevice(
+                "it finds objects of other materials, and that as surfaces that cut edges",
+            ));
+        }
         Self::build(sensor, materials, options, interface, Some(remote))
     }
 
@@ -193,6 +200,7 @@ impl Simulator {
             matrix,
             occupancy,
             fields,
+            is_unseen: false,
         };
         // More steps than needed show the condition number, from which errors are told in all frames that follow.
         simulator.options.tolerance = options.tolerance.min(TOLERANCE_AT_REST);
@@ -219,21 +227,10 @@ impl Simulator {
     /// # Errors
     /// When the depth image is invalid or shows another number of objects. The frame before stays in force.
     pub fn update(&mut self, surfaces: &impl Surfaces) -> Result<usize, SimulatorError> {
-        surfaces.validate()?;
-        if surfaces.objects() != self.materials.len() {
-            return Err(SimulatorError::ObjectCount {
-                seen: surfaces.objects(),
-                known: self.materials.len(),
-            });
+        if self.fields.found().is_some() {
+            return Err(SimulatorError::NotForDevice("it finds the objects by itself"));
         }
-        let _awake = self.fields.wake();
-        let mesh = EdgeGeometry {
-            nodes: self.sensor.mesh().nodes(),
-            terminals: self.sensor.owners(),
-            edges: self.matrix.network().edges(),
-            permittivity: self.matrix.network().permittivity(),
-        };
-        self.occupancy.update(mesh, &self.materials, surfaces);
+        self.find(surfaces)?;
         self.fields.bracket(
             &self.matrix,
             &self.occupancy,
@@ -250,6 +247,65 @@ impl Simulator {
         let islands = self.materials.iter().any(may_float);
         self.fields.refresh(&self.matrix, &self.occupancy, islands, &self.options);
         Ok(self.occupancy.changed_edges().len())
+    }
+
+    fn find(&mut self, surfaces: &impl Surfaces) -> Result<(), SimulatorError> {
+        surfaces.validate()?;
+        if surfaces.objects() != self.materials.len() {
+            return Err(SimulatorError::ObjectCount {
+                seen: surfaces.objects(),
+                known: self.materials.len(),
+            });
+        }
+        let _awake = self.fields.wake();
+        let mesh = EdgeGeometry {
+            nodes: self.sensor.mesh().nodes(),
+            terminals: self.sensor.owners(),
+            edges: self.matrix.network().edges(),
+            permittivity: self.matrix.network().permittivity(),
+        };
+        self.occupancy.update(mesh, &self.materials, surfaces);
+        Ok(())
+    }
+
+    /// What stands for [`Simulator::update`] where the device that has the fields finds the objects by itself
+    /// ([`RemoteFields::finds`]): they were placed anew. What they change is found when it is solved for.
+    ///
+    /// # Errors
+    /// When the fields are not on such a device.
+    pub fn update_elsewhere(&mut self) -> Result<(), SimulatorError> {
+        if self.fields.found().is_none() {
+            return Err(SimulatorError::NotForDevice("objects are not found where the fields are"));
+        }
+        self.is_unseen = true;
+        self.fields.placed_elsewhere();
+        Ok(())
+    }
+
+    /// One frame where the device that has the fields finds the objects: [`Simulator::update_elsewhere`], then
+    /// [`Simulator::solve`].
+    ///
+    /// # Errors
+    /// As these two.
+    pub fn step_elsewhere(&mut self) -> Result<StepReport, SimulatorError> {
+        self.update_elsewhere()?;
+        let solve = self.solve()?;
+        Ok(StepReport { changed_edges: self.changed_edges(), solve })
+    }
+
+    /// Finds here, too, where objects are that a device found, for who looks at [`Simulator::occupancy`],
+    /// [`Simulator::matrix`] or [`Simulator::capacitance_to_ground`], which otherwise are of an earlier frame. Nothing else
+    /// depends on it. Where objects are found here anyway, there is nothing to do.
+    ///
+    /// # Errors
+    /// When the depth image is invalid or shows another number of objects.
+    pub fn look(&mut self, surfaces: &impl Surfaces) -> Result<(), SimulatorError> {
+        if std::mem::replace(&mut self.is_unseen, false) {
+            self.find(surfaces).inspect_err(|_| self.is_unseen = true)?;
+            self.matrix.update(&self.occupancy);
+            self.fields.move_conductors(&self.occupancy, self.sensor.electrode_names().len());
+        }
+        Ok(())
     }
 
     /// Tells fields that are elsewhere, see [`Simulator::with_remote`], that [`Simulator::solve`] will be called next: those of
@@ -314,8 +370,11 @@ impl Simulator {
     /// them. A capacitance from an object to ground is not part of it.
     ///
     /// # Errors
-    /// When the fields are on a device that fails.
+    /// When the fields are on a device that fails, or that found the objects and nobody called [`Simulator::look`] since.
     pub fn capacitance_to_ground(&self) -> Result<Vec<f64>, SimulatorError> {
+        if self.is_unseen {
+            return Err(SimulatorError::NotForDevice("its objects were not looked at on the processor"));
+        }
         let mut all = self.held.clone();
         let ground = all.size() - 1;
         for (column, charge) in self.fields.charges_on_ground(&self.matrix)?.into_iter().enumerate() {
@@ -392,7 +451,7 @@ impl Simulator {
         self.options.preconditioner
     }
 
-    /// The stiffness matrix of the last frame.
+    /// The stiffness matrix of the last frame, or of the last [`Simulator::look`] where a device finds objects.
     pub fn matrix(&self) -> &StiffnessMatrix {
         &self.matrix
     }
@@ -400,7 +459,12 @@ impl Simulator {
     /// Conducting objects that touch or cover electrodes in the last frame, in increasing order. The capacitances of
     /// what touches are then not those of any sensor, but artefacts of the mesh.
     pub fn contacts(&self) -> &[Contact] {
-        self.occupancy.contacts()
+        self.fields.found().map_or(self.occupancy.contacts(), |found| &found.contacts)
+    }
+
+    /// Number of edges whose coupling or ends changed in the last frame.
+    pub fn changed_edges(&self) -> usize {
+        self.fields.found().map_or(self.occupancy.changed_edges().len(), |found| found.changed_edges)
     }
 
     /// Objects that the mesh is too coarse for, in increasing order: strong dielectrics thinner than cells, bodies that fill
@@ -421,7 +485,7 @@ impl Simulator {
         }
     }
 
-    /// What objects occupy in the last frame.
+    /// What objects occupy in the last frame, or when [`Simulator::look`] was called last where a device finds them.
     pub fn occupancy(&self) -> &Occupancy {
         &self.occupancy
     }

@@ -21,8 +21,8 @@ impl Faults {
     }
 }
 
-/// An open device.
-#[derive(Debug)]
+/// An open device; copies are of the same one.
+#[derive(Clone, Debug)]
 pub(crate) struct Adapter {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,

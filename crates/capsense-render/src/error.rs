@@ -78,3 +78,13 @@ pub enum RenderError {
         reason: String,
     },
 }
+
+impl RenderError {
+    /// The same of an object of this number, where it is about one that was looked at alone.
+    pub(crate) fn of_object(self, object: usize) -> Self {
+        match self {
+            Self::Shape { source, .. } => Self::Shape { object, source },
+            other => other,
+        }
+    }
+}

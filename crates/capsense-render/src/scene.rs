@@ -76,13 +76,18 @@ impl RenderScene {
 
     /// Checks that there is one valid pose per object.
     pub(crate) fn check_poses(&self, poses: &[Pose]) -> Result<(), RenderError> {
-        if poses.len() != self.objects.len() {
-            return Err(RenderError::PoseCount { poses: poses.len(), objects: self.objects.len() });
-        }
-        match poses.iter().position(|pose| !pose.is_valid()) {
-            Some(object) => Err(RenderError::InvalidPose { object }),
-            None => Ok(()),
-        }
+        check_poses(poses, self.objects.len())
+    }
+}
+
+/// Checks that there is one valid pose for each of so many objects.
+pub(crate) fn check_poses(poses: &[Pose], objects: usize) -> Result<(), RenderError> {
+    if poses.len() != objects {
+        return Err(RenderError::PoseCount { poses: poses.len(), objects });
+    }
+    match poses.iter().position(|pose| !pose.is_valid()) {
+        Some(object) => Err(RenderError::InvalidPose { object }),
+        None => Ok(()),
     }
 }
 

@@ -8,7 +8,7 @@ use super::green::{Empty, Green};
 use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
-use super::remote::{RemoteFields, RemoteSolver};
+use super::remote::{Found, RemoteFields, RemoteSolver};
 use super::workers::{Awake, Workers};
 use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
@@ -178,6 +178,22 @@ impl FieldSolver {
             Vectors::Lattice(fields) => fields.refresh(matrix, fixed, changed),
             Vectors::Csr(fields) => fields.refresh(matrix, fixed, changed.iter().copied()),
             Vectors::Remote(fields) => fields.refresh(matrix, fixed, changed),
+        }
+    }
+
+    /// Objects that are found where fields are were placed anew.
+    pub(crate) fn placed_elsewhere(&mut self) {
+        self.bracket.is_lost = true;
+        if let Vectors::Remote(fields) = &mut self.vectors {
+            fields.placed();
+        }
+    }
+
+    /// What was found of objects where fields are, if they are found there.
+    pub(crate) fn found(&self) -> Option<&Found> {
+        match &self.vectors {
+            Vectors::Remote(fields) => fields.found(),
+            _ => None,
         }
     }
 

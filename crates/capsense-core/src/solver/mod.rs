@@ -24,8 +24,8 @@ pub(crate) use islands::CONTRAST;
 pub use network::{NO_AGGREGATE, NetworkProblem};
 pub use preconditioner::Preconditioner;
 pub use remote::{
-    Changes, Feed, HELD_AT_ZERO, NO_HOLDER, NetworkRow, NetworkRows, NodeRow, RemoteFields, RemoteProblem,
-    RemoteSolution, of_links,
+    Changes, Feed, Found, HELD_AT_ZERO, NO_HOLDER, NetworkRow, NetworkRows, NodeRow, RemoteFields,
+    RemoteProblem, RemoteSolution, of_links,
 };
 pub(crate) use workers::Awake;
 

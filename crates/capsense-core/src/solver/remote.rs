@@ -3,7 +3,9 @@
 
 use super::SolveError;
 use super::lattice::coarsenings;
+use crate::material::Material;
 use crate::mesh::Lattice;
+use crate::occupancy::Contact;
 use crate::stiffness::StiffnessMatrix;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -105,6 +107,17 @@ pub struct RemoteSolution {
     pub residual: f64,
     /// Kernels that the device launched for it, and for others of a batch along with it.
     pub launches: usize,
+    /// What it found of objects before, if it finds them by itself and they were placed anew.
+    pub found: Option<Found>,
+}
+
+/// What a device tells of objects that it finds by itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Found {
+    /// Number of edges whose coupling or ends changed.
+    pub changed_edges: usize,
+    /// Conducting objects that touch electrodes, in increasing order.
+    pub contacts: Vec<Contact>,
 }
 
 /// What the links of a node add to the energy of two columns in which it is at x and y and has these feeds. Most nodes with
@@ -148,6 +161,12 @@ pub trait RemoteFields: Debug + Send {
     /// Whether the mesh is no lattice: rows are told as [`NetworkRows`].
     fn is_of_network(&self) -> bool {
         false
+    }
+
+    /// What the objects are made of that it finds by itself, if it does. Then it is told of rows of the empty scene only, it keeps
+    /// what objects make of them, and [`RemoteSolution::energies`] are all of the energies.
+    fn finds(&self) -> Option<Vec<Material>> {
+        None
     }
 
     /// The potentials of all nodes in one column.
@@ -219,6 +238,8 @@ pub(crate) struct RemoteSolver {
     failed: Option<SolveError>,
     /// Potentials that were asked for since the last solve.
     read: Vec<OnceLock<Vec<f32>>>,
+    /// What was found of objects elsewhere, if they are found there.
+    found: Option<Found>,
 }
 
 impl Clone for RemoteSolver {
@@ -240,6 +261,7 @@ impl Clone for RemoteSolver {
             changed_feeds: Vec::new(),
             failed: self.failed.clone(),
             read: vec![OnceLock::new(); columns],
+            found: self.found.clone(),
         }
     }
 }
@@ -247,10 +269,12 @@ impl Clone for RemoteSolver {
 impl RemoteSolver {
     /// Zero fields, with so many rows behind those of the nodes.
     pub(crate) fn new(remote: Box<dyn RemoteFields>, columns: usize, nodes: usize, bodies: usize) -> Self {
+        let found = remote.finds().map(|_| Found::default());
         Self {
             remote,
             columns,
             nodes,
+            found,
             holders: vec![None; nodes],
             bodies: vec![0.0; bodies * columns],
             feeds: BTreeMap::new(),
@@ -298,6 +322,17 @@ impl RemoteSolver {
         if !self.emptied.contains(&column) {
             self.emptied.push(column);
         }
+    }
+
+    /// Objects that are found elsewhere were placed anew: all that links add to energies is known there.
+    pub(crate) fn placed(&mut self) {
+        self.is_changed = true;
+        self.constant.fill(0.0);
+    }
+
+    /// What was found of objects elsewhere, if they are found there.
+    pub(crate) fn found(&self) -> Option<&Found> {
+        self.found.as_ref()
     }
 
     /// Tells of rows, and of all links.
@@ -382,6 +417,7 @@ impl RemoteSolver {
             self.emptied.clear();
         }
         let mut solution = self.remote.solve(allowed, max_iterations)?;
+        self.found = solution.found.take().or(self.found.take());
         solution.energies.iter_mut().zip(&self.constant).for_each(|(energy, constant)| *energy += constant);
         match solution.energies.iter().position(|energy| !energy.is_finite()) {
             Some(at) => {

@@ -20,7 +20,12 @@ struct Plan {
 struct Launch { level: u32, axis: u32, iteration: u32, end: u32 }
 // What changed in a scene: where rows and feeds stand, a bit for each column to start from zero; and whether to solve, with how
 // many iterations at most.
-struct Scene { rows_at: u32, rows: u32, feeds_at: u32, feeds: u32, emptied: u32, is_solved: u32, most_iterations: u32, padding: u32 }
+// The rest is about objects that are found here: how many, where they stand, whether they are to be found anew, a bit for each
+// column that they have, and whether they were ever found.
+struct Scene {
+    rows_at: u32, rows: u32, feeds_at: u32, feeds: u32, emptied: u32, is_solved: u32, most_iterations: u32,
+    objects: u32, objects_at: u32, is_placed: u32, columns: u32, is_found: u32,
+}
 
 @group(0) @binding(0) var<uniform> launch: Launch;
 @group(0) @binding(1) var<uniform> plan: Plan;

@@ -1,12 +1,14 @@
 //! The buffers and kernels of some scenes on one mesh, and how a frame of them is computed: changes go in, capacitances come
 //! out, nothing else.
 
-use super::launch::{KERNELS, Kernel, Launch, Sharing};
+use super::finder::{Finder, Finding};
+use super::launch::{KERNELS, Launch, OF_FIELDS, Sharing, Work};
 use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
 use super::shader;
 use crate::adapter::Adapter;
 use crate::error::RenderError;
 use bytemuck::{Pod, Zeroable};
+use capsense_core::solver::Found;
 use std::time::Duration;
 
 /// Columns that can be told to start from zero.
@@ -22,7 +24,7 @@ const FRAME_TIMEOUT: Duration = Duration::from_secs(120);
 pub(super) const LAUNCH_STRIDE: u64 = 256;
 
 /// Words before the rows and feeds of all scenes: for each scene a header.
-const HEADER: usize = 8;
+pub(super) const HEADER: usize = 12;
 const ROW: usize = 6;
 const FEED: usize = 3;
 
@@ -64,6 +66,8 @@ pub(super) struct SceneResult {
     pub(super) residual: f64,
     pub(super) to_come: Vec<f64>,
     pub(super) iterations: u32,
+    /// Of objects that were placed anew and found on the device.
+    pub(super) found: Option<Found>,
 }
 
 impl SceneResult {
@@ -80,7 +84,7 @@ impl SceneResult {
         let ratios = free.iter().zip(held).filter(|(_, held)| **held > 0.0);
         let residual = ratios.map(|(free, held)| f64::from(free / held).sqrt()).fold(0.0, f64::max);
         let to_come = rest[..columns].iter().map(|&still| f64::from(still)).collect();
-        Self { energies, residual, to_come, iterations: rest[columns] as u32 }
+        Self { energies, residual, to_come, iterations: rest[columns] as u32, found: None }
     }
 }
 
@@ -113,6 +117,9 @@ pub(super) struct FieldDevice {
     results_len: usize,
     readback: wgpu::Buffer,
     changes: Vec<u32>,
+    /// What finds objects, if they are found on the device, and the scenes in which it is to.
+    pub(super) finder: Option<Finder>,
+    due: Vec<bool>,
 }
 
 /// What kernels read and write.
@@ -132,7 +139,12 @@ impl FieldDevice {
     ///
     /// # Errors
     /// When the mesh or the scenes exceed the adapter's limits or its memory, or it fails.
-    pub(super) fn new(adapter: Adapter, plan: Plan, scenes: usize) -> Result<Self, RenderError> {
+    pub(super) fn new(
+        adapter: Adapter,
+        plan: Plan,
+        scenes: usize,
+        finder: Option<(Finder, Finding)>,
+    ) -> Result<Self, RenderError> {
         if plan.columns > MOST_COLUMNS {
             let (needed, limit) = (plan.columns as u64, MOST_COLUMNS as u64);
             return Err(RenderError::LimitExceeded { what: "the number of terminals", needed, limit });
@@ -148,7 +160,11 @@ impl FieldDevice {
         let results_len = numbers + columns + 1;
         let records = (MOST_ITERATIONS as usize + 1) * columns * 4;
         let scratch_len = 2 * teams * columns + teams * numbers + records;
-        let most_launches = sharing.launches(&plan, 0..MOST_ITERATIONS, 1, true).len() as u64;
+        let (finder, finding) = finder.unzip();
+        let flags_len = finder.as_ref().map_or(0, |finder| finder.flags_len);
+        let most =
+            Work { iterations: 0..MOST_ITERATIONS, changed_rows: 1, empties: true, finds: finder.is_some() };
+        let most_launches = sharing.launches(&plan, &most).len() as u64;
         use wgpu::BufferUsages as Usage;
         let reserve = Reserve { adapter: &adapter };
         let storage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
@@ -165,7 +181,8 @@ impl FieldDevice {
         let uniforms = Usage::UNIFORM | Usage::COPY_DST;
         let launches = reserve.buffer("launches", LAUNCH_STRIDE * most_launches, uniforms)?;
         let uniform = reserve.buffer("plan", size_of::<PlanUniform>() as u64, uniforms)?;
-        let readback = reserve.buffer("readback", words(results_len), Usage::MAP_READ | Usage::COPY_DST)?;
+        let readback =
+            reserve.buffer("readback", words(results_len + flags_len), Usage::MAP_READ | Usage::COPY_DST)?;
         adapter.queue.write_buffer(&buffers.maps, 0, bytemuck::cast_slice(&plan.maps));
         adapter.queue.write_buffer(
             &uniform,
@@ -176,9 +193,11 @@ impl FieldDevice {
         let free = vec![capsense_core::solver::NO_HOLDER; plan.nodes() * scenes];
         adapter.queue.write_buffer(&buffers.holders, 0, bytemuck::cast_slice(&free));
         let layout = bind_group_layout(&adapter.device);
-        let entries = KERNELS.map(Kernel::entry);
-        let pipelines =
-            pipelines(&adapter.device, &layout, &shader::source(columns, sharing.teams), &entries);
+        let source = shader::source(columns, sharing.teams, finding);
+        let kernels = if finder.is_some() { &KERNELS[..] } else { &KERNELS[..OF_FIELDS] };
+        let of_objects = finder.as_ref().map(|finder| &finder.layout);
+        let entries: Vec<_> = kernels.iter().map(|kernel| kernel.entry()).collect();
+        let pipelines = pipelines(&adapter.device, [Some(&layout), of_objects], &entries, &source);
         let group = bind_group(&adapter.device, &layout, &launches, &uniform, &buffers);
         adapter.faults.check("preparing the kernels")?;
         Ok(Self {
@@ -195,6 +214,8 @@ impl FieldDevice {
             results_len,
             readback,
             changes: Vec::new(),
+            finder,
+            due: vec![false; scenes],
         })
     }
 
@@ -223,6 +244,11 @@ impl FieldDevice {
             words[HEADER * scene..][..4].copy_from_slice(&counts);
             let told = [changes.emptied, u32::from(most.is_some()), most.unwrap_or(0)];
             words[HEADER * scene + 4..][..3].copy_from_slice(&told);
+            if let Some(finder) = &mut self.finder {
+                self.due[scene] = most.is_some() && finder.is_due(scene);
+                let told = finder.tell(scene, most.is_some(), &mut words);
+                words[HEADER * scene + 7..][..5].copy_from_slice(&told);
+            }
         }
         let bytes = 4 * words.len() as u64;
         if bytes > self.buffers.changes.size() {
@@ -250,31 +276,57 @@ impl FieldDevice {
         most_rows: usize,
         empties: bool,
     ) -> Result<(Vec<SceneResult>, Traffic), RenderError> {
-        let launches = self.sharing.launches(&self.plan, iterations, most_rows as u32, empties);
+        let finds = iterations.start == 0 && self.due.contains(&true);
+        // Whether an object is nowhere is known on the device only.
+        let empties = empties || self.finder.is_some();
+        let work = Work { iterations, changed_rows: most_rows as u32, empties, finds };
+        let launches = self.sharing.launches(&self.plan, &work);
         let mut told = vec![0_u8; LAUNCH_STRIDE as usize * launches.len()];
         for (bytes, (_, launch, _)) in told.chunks_exact_mut(LAUNCH_STRIDE as usize).zip(&launches) {
             bytes[..size_of::<Launch>()].copy_from_slice(bytemuck::bytes_of(launch));
         }
         self.adapter.queue.write_buffer(&self.launches, 0, &told);
         let mut encoder = self.adapter.device.create_command_encoder(&Default::default());
+        if let Some(finder) = self.finder.as_ref().filter(|_| finds) {
+            finder.draw(&self.due, &mut encoder);
+        }
         let mut pass = encoder.begin_compute_pass(&Default::default());
+        if let Some(finder) = &self.finder {
+            pass.set_bind_group(1, &finder.group, &[]);
+        }
         for (number, (kernel, _, groups)) in launches.iter().enumerate() {
             pass.set_pipeline(&self.pipelines[*kernel as usize]);
             pass.set_bind_group(0, &self.group, &[(LAUNCH_STRIDE * number as u64) as u32]);
             pass.dispatch_workgroups(*groups, self.scenes as u32, 1);
         }
         drop(pass);
-        encoder.copy_buffer_to_buffer(&self.buffers.results, 0, &self.readback, 0, self.readback.size());
+        let results_bytes = 4 * (self.results_len * self.scenes) as u64;
+        encoder.copy_buffer_to_buffer(&self.buffers.results, 0, &self.readback, 0, results_bytes);
+        if let Some(Finder { flags, .. }) = &self.finder {
+            encoder.copy_buffer_to_buffer(flags, 0, &self.readback, results_bytes, flags.size());
+        }
         self.adapter.queue.submit([encoder.finish()]);
         let words = read(&self.adapter, &self.readback, "reading capacitances back")?;
+        let (words, flags) = words.split_at(self.results_len * self.scenes);
         let traffic = Traffic {
             launches: launches.len(),
             sent: told.len() as u64,
             received: self.readback.size(),
             moved: 0,
         };
-        let results = words.chunks_exact(self.results_len);
-        Ok((results.map(|words| SceneResult::new(words, self.plan.columns)).collect(), traffic))
+        let mut results: Vec<_> = words
+            .chunks_exact(self.results_len)
+            .map(|words| SceneResult::new(words, self.plan.columns))
+            .collect();
+        if let Some(finder) = self.finder.as_mut().filter(|_| finds) {
+            let flags: Vec<u32> = flags.iter().map(|flag| flag.to_bits()).collect();
+            for (scene, flags) in flags.chunks_exact(finder.flags_len).enumerate() {
+                if std::mem::take(&mut self.due[scene]) {
+                    results[scene].found = Some(finder.take_found(scene, flags));
+                }
+            }
+        }
+        Ok((results, traffic))
     }
 
     /// The potentials of all nodes of one scene in one column.
@@ -437,17 +489,18 @@ pub(super) fn bind_group(
 /// The kernels of these entry points.
 pub(super) fn pipelines(
     device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    source: &str,
+    layouts: [Option<&wgpu::BindGroupLayout>; 2],
     entries: &[&str],
+    source: &str,
 ) -> Vec<wgpu::ComputePipeline> {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("fields"),
         source: wgpu::ShaderSource::Wgsl(source.into()),
     });
+    let count = layouts.iter().flatten().count();
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("fields"),
-        bind_group_layouts: &[Some(layout)],
+        bind_group_layouts: &layouts[..count],
         immediate_size: 0,
     });
     let pipeline = |entry: &&str| {

@@ -1,9 +1,14 @@
 //! Scenes on a device as the simulator knows them: each has its own fields, and those of a batch are computed together.
 
+use super::Camera;
 use super::device::{FieldDevice, MOST_ITERATIONS, SceneChanges, SceneResult, Traffic};
+use super::finder::{Finder, Finding, Objects};
 use super::plan::Plan;
 use crate::adapter::Adapter;
 use crate::error::RenderError;
+use capsense_core::geometry::Pose;
+use capsense_core::material::Material;
+use capsense_core::sensor::Sensor;
 use capsense_core::solver::{Changes, RemoteFields, RemoteProblem, RemoteSolution, SolveError};
 use std::collections::HashSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,6 +28,12 @@ pub fn has_adapter() -> bool {
 /// What an adapter must have.
 pub(super) const NEEDS: (wgpu::DownlevelFlags, &str) =
     (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
+
+/// The same to find objects, too.
+const NEEDS_FOR_OBJECTS: (wgpu::DownlevelFlags, &str) = (
+    wgpu::DownlevelFlags::DEPTH_TEXTURE_AND_BUFFER_COPIES,
+    "it has no compute shaders, or cannot copy depth to a buffer",
+);
 
 /// The fields of some scenes that share a mesh, on one graphics device.
 ///
@@ -78,15 +89,67 @@ impl GpuFields {
     /// does not suffice.
     pub fn new(problem: &RemoteProblem, scenes: usize, allow_software: bool) -> Result<Self, RenderError> {
         let adapter = Adapter::open("capsense fields", allow_software, NEEDS)?;
+        Self::on(adapter, problem, scenes, None)
+    }
+
+    /// The same for scenes whose objects are found on the device, too, as surfaces that cut edges, by a depth camera that sees
+    /// each scene: poses go in by [`GpuFields::place`], and nothing but capacitances comes out. `problem` is that of the sensor
+    /// and the scene of most columns. The processor has nothing to do with objects then:
+    /// [`Simulator::update_elsewhere`](capsense_core::simulator::Simulator::update_elsewhere) takes the place of `update`.
+    ///
+    /// # Errors
+    /// As [`GpuFields::new`], and when there are more than sixteen objects in a scene, or not as many materials as shapes, or
+    /// shapes have impossible lengths.
+    pub fn with_camera(
+        (problem, sensor): (&RemoteProblem, &Sensor),
+        camera: Camera,
+        scenes: &[Objects],
+        allow_software: bool,
+    ) -> Result<Self, RenderError> {
+        let (flags, needs) = NEEDS_FOR_OBJECTS;
+        let adapter = Adapter::open("capsense fields", allow_software, (NEEDS.0 | flags, needs))?;
+        let finder = Finder::new(&adapter, sensor, camera, scenes)?;
+        Self::on(adapter, problem, scenes.len(), Some((finder, Finding::of(scenes))))
+    }
+
+    fn on(
+        adapter: Adapter,
+        problem: &RemoteProblem,
+        scenes: usize,
+        finder: Option<(Finder, Finding)>,
+    ) -> Result<Self, RenderError> {
         let plan = Plan::new(problem).ok_or(RenderError::LimitExceeded {
             what: "the number of values on the mesh",
             needed: problem.lattice.node_counts().iter().product::<usize>() as u64,
             limit: u64::from(u32::MAX),
         })?;
-        let device = FieldDevice::new(adapter, plan, scenes)?;
+        let device = FieldDevice::new(adapter, plan, scenes, finder)?;
         let scenes = vec![SceneState::default(); scenes];
         let shared = Shared { device, scenes, traffic: Traffic::default(), failed: None };
         Ok(Self { shared: Arc::new(Mutex::new(shared)) })
+    }
+
+    /// Takes over where the objects of a scene are, if they are found on the device ([`GpuFields::with_camera`]), and returns
+    /// whether that is another place than before: if not, there is nothing to compute.
+    ///
+    /// # Errors
+    /// When there is no such scene, or not one valid pose for each of its objects.
+    pub fn place(&self, scene: usize, poses: &[Pose]) -> Result<bool, RenderError> {
+        let mut shared = self.lock();
+        let Shared { device, scenes, .. } = &mut *shared;
+        let (Some(finder), Some(state)) = (&mut device.finder, scenes.get_mut(scene)) else {
+            return Err(RenderError::PoseCount { poses: poses.len(), objects: 0 });
+        };
+        let is_new = finder.place(scene, poses)?;
+        if is_new {
+            state.solved = None;
+        }
+        Ok(is_new)
+    }
+
+    /// Whether objects are found on the device, too.
+    pub fn finds_objects(&self) -> bool {
+        self.lock().device.finder.is_some()
     }
 
     /// The fields of one scene, for one simulator, that needs so many columns. `None` where there is no such scene, another
@@ -140,6 +203,11 @@ impl GpuFields {
     }
 
     #[cfg(test)]
+    pub(super) fn plan(&self) -> Plan {
+        self.lock().device.plan.clone()
+    }
+
+    #[cfg(test)]
     pub(super) fn buffers_of(&self, scene: usize) -> [Vec<f32>; 2] {
         self.lock().device.buffers_of(scene)
     }
@@ -190,6 +258,10 @@ impl Shared {
                     && result.iterations < scene.most_iterations;
                 total.moved += of_iteration * u64::from(result.iterations.saturating_sub(iterations.start));
                 scene.last = result.iterations;
+                // What was found in the first go is of all that follow.
+                let before = scene.solved.take().and_then(|solved| solved.result.found);
+                let found = result.found.or(before);
+                let result = SceneResult { found, ..result };
                 scene.solved = Some(Solved { result, launches: total.launches });
             }
             if !goes_on || iterations.end >= most {
@@ -275,7 +347,7 @@ impl RemoteFields for SceneFields {
             }
             shared.check()?;
         }
-        let Solved { result, launches } = shared.scenes[self.scene]
+        let Solved { mut result, launches } = shared.scenes[self.scene]
             .solved
             .take()
             .unwrap_or(Solved { result: SceneResult::default(), launches: 0 });
@@ -287,11 +359,16 @@ impl RemoteFields for SceneFields {
             iterations: result.iterations as usize,
             residual: result.residual,
             launches,
+            found: result.found.take(),
         })
     }
 
     fn shape(&self) -> [usize; 2] {
         [self.fields.lock().device.plan.nodes(), self.columns]
+    }
+
+    fn finds(&self) -> Option<Vec<Material>> {
+        self.fields.lock().device.finder.as_ref().map(|finder| finder.materials(self.scene))
     }
 
     fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {

@@ -1,12 +1,15 @@
 // Conjugate gradients on the finest level.
 
 fn scene_header() -> Scene {
-    let at = scene * 8u;
-    return Scene(changes[at], changes[at + 1u], changes[at + 2u], changes[at + 3u], changes[at + 4u], changes[at + 5u], changes[at + 6u], 0u);
+    let at = scene * HEADER;
+    return Scene(
+        changes[at], changes[at + 1u], changes[at + 2u], changes[at + 3u], changes[at + 4u], changes[at + 5u], changes[at + 6u],
+        changes[at + 7u], changes[at + 8u], changes[at + 9u], changes[at + 10u], changes[at + 11u],
+    );
 }
 
 fn empty_columns() {
-    let emptied = scene_header().emptied;
+    let emptied = scene_header().emptied | absent_columns();
     if (emptied == 0u) { return; }
     let stride = plan.levels[0].stride;
     for (var node = first; node < plan.grids[0].nodes; node += every) {
@@ -179,11 +182,21 @@ fn advance(iteration: u32) {
     }
 }
 
+// What that leaves out of the energies of what the links of a node lead to, each at 1 V in one column at most. Where the host finds
+// objects, it adds this by itself: `RemoteSolver::constant`.
+fn of_far_ends(leak: f32, feeds: vec2<f32>, is_own: bool) -> f32 {
+    if (leak > 0.5 * max(abs(feeds.x), abs(feeds.y))) {
+        return select(-feeds.x, leak - feeds.x, is_own) * feeds.y / leak;
+    }
+    return select(0.0, feeds.x, is_own);
+}
+
 // Energies of all pairs of columns, and the residuals and charges, as far as this workgroup has them.
 fn evaluate() {
     let level = plan.levels[0];
     let grid = plan.grids[0];
     let step = steps(grid);
+    let is_found = scene_header().is_found == 1u;
     for (var s = 0u; s < COLUMNS; s++) {
         var sums: array<vec2<f32>, COLUMNS>;
         var free = 0.0;
@@ -209,7 +222,9 @@ fn evaluate() {
                 sums[t] = add(sums[t], currents.x);
                 sums[t] = add(sums[t], currents.y);
                 sums[t] = add(sums[t], currents.z);
-                sums[t] = add(sums[t], of_links(leak, vec2<f32>(x, y), vec2<f32>(feed, vectors[of_t + plan.feed + node])));
+                let feeds = vec2<f32>(feed, vectors[of_t + plan.feed + node]);
+                sums[t] = add(sums[t], of_links(leak, vec2<f32>(x, y), feeds));
+                if (is_found) { sums[t] = add(sums[t], of_far_ends(leak, feeds, s == t)); }
             }
         }
         let base = in_scratch + OF_ENERGIES + team * NUMBERS;

@@ -49,9 +49,12 @@ pub(super) enum Kernel {
     Evaluate,
     Collect,
     Whole,
+    Holders,
+    Rows,
 }
 
-pub(super) const KERNELS: [Kernel; 16] = [
+/// All of them; the last two only where objects are found on the device.
+pub(super) const KERNELS: [Kernel; 18] = [
     Kernel::Empty,
     Kernel::Changes,
     Kernel::Coarsen,
@@ -68,7 +71,24 @@ pub(super) const KERNELS: [Kernel; 16] = [
     Kernel::Evaluate,
     Kernel::Collect,
     Kernel::Whole,
+    Kernel::Holders,
+    Kernel::Rows,
 ];
+
+/// The kernels that need no objects.
+pub(super) const OF_FIELDS: usize = 16;
+
+/// What is launched for: some iterations, and before the first of them what is told and found.
+#[derive(Clone, Debug)]
+pub(super) struct Work {
+    pub(super) iterations: std::ops::Range<u32>,
+    /// The largest number of rows that changed in a scene.
+    pub(super) changed_rows: u32,
+    /// Whether fields may have to start from zero.
+    pub(super) empties: bool,
+    /// Whether objects of a scene are to be found.
+    pub(super) finds: bool,
+}
 
 impl Kernel {
     /// Its entry point.
@@ -90,6 +110,8 @@ impl Kernel {
             Self::Evaluate => "step_evaluate",
             Self::Collect => "step_collect",
             Self::Whole => "whole_scene",
+            Self::Holders => "step_holders",
+            Self::Rows => "step_rows",
         }
     }
 }
@@ -115,25 +137,27 @@ impl Sharing {
         Self { is_whole, tail, teams }
     }
 
-    /// What is launched from one iteration to another: kernels, what each is told, and workgroups for each scene.
-    pub(super) fn launches(
-        &self,
-        plan: &Plan,
-        iterations: std::ops::Range<u32>,
-        changed_rows: u32,
-        empties: bool,
-    ) -> Vec<(Kernel, Launch, u32)> {
-        let (first, end) = (iterations.start, iterations.end);
-        if self.is_whole {
-            return vec![(Kernel::Whole, Launch { iteration: first, end, ..Launch::default() }, 1)];
-        }
+    /// What is launched: kernels, what each is told, and workgroups for each scene.
+    pub(super) fn launches(&self, plan: &Plan, work: &Work) -> Vec<(Kernel, Launch, u32)> {
+        let (first, end) = (work.iterations.start, work.iterations.end);
         let groups = |work: u32| work.div_ceil(THREADS).clamp(1, MOST_GROUPS);
         let nodes = |level: usize| plan.grids[plan.levels[level].grid as usize].nodes;
         let mut all = Vec::new();
         let none = Launch::default();
+        if first == 0 && work.finds {
+            // Shared out among all workgroups even where one does the rest.
+            let nodes = groups(plan.grids[0].nodes);
+            all.extend([(Kernel::Holders, none, nodes), (Kernel::Rows, none, nodes)]);
+        }
+        if self.is_whole {
+            all.push((Kernel::Whole, Launch { iteration: first, end, ..none }, 1));
+            return all;
+        }
         if first == 0 {
-            all.push((Kernel::Changes, none, groups(changed_rows)));
-            if empties {
+            if work.changed_rows > 0 {
+                all.push((Kernel::Changes, none, groups(work.changed_rows)));
+            }
+            if work.empties {
                 all.push((Kernel::Empty, none, groups(plan.grids[0].nodes)));
             }
             for (level, transfer) in plan.transfers[..self.tail].iter().enumerate() {

@@ -7,10 +7,13 @@
 //! the two step by step.
 
 mod device;
+mod finder;
 mod gpu;
 mod iteration;
 mod launch;
 mod network;
+#[cfg(test)]
+mod object_tests;
 mod plan;
 mod rules;
 mod shader;
@@ -22,5 +25,6 @@ mod twin;
 mod twin_fields;
 
 pub use device::Traffic;
+pub use finder::{Camera, Objects};
 pub use gpu::{GpuFields, has_adapter};
 pub use network::GpuNetwork;

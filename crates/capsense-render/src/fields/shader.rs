@@ -1,15 +1,19 @@
 //! The kernels' source, with the numbers that they need to know when they are compiled.
 
+use super::device::HEADER;
+use super::finder::{Finding, OBJECT_WORDS};
 use super::iteration::{CAUTION, LEAST_RATIO, MOST_RATIO};
 use super::plan::{MOST_GRIDS, MOST_LEVELS};
 use super::rules::{FIXED, OVERCORRECTION, ROUNDING, SWEEPS};
 
-/// The kernels for so many columns, of which so many workgroups share a scene's finest level.
-pub(super) fn source(columns: usize, teams: u32) -> String {
+/// The kernels for so many columns, of which so many workgroups share a scene's finest level, with those that find objects if
+/// these are found on the device.
+pub(super) fn source(columns: usize, teams: u32, finding: Option<Finding>) -> String {
     let (least, largest) = (f32::MIN_POSITIVE, f32::MAX);
     let constants = format!(
         "const COLUMNS: u32 = {columns}u;
 const TEAMS: u32 = {teams}u;
+const HEADER: u32 = {HEADER}u;
 const MOST_GRIDS: u32 = {MOST_GRIDS}u;
 const MOST_LEVELS: u32 = {MOST_LEVELS}u;
 const FIXED: f32 = {FIXED:e}f;
@@ -31,24 +35,57 @@ const MOST_RATIO: f32 = {MOST_RATIO}f;
         include_str!("iteration.wgsl"),
         include_str!("steps.wgsl"),
     ];
-    constants + &files.join("\n")
+    let of_objects = match finding {
+        None => "fn absent_columns() -> u32 { return 0u; }".to_owned(),
+        Some(Finding { objects, has_weak }) => {
+            let constants = format!(
+                "const OBJECTS: u32 = {objects}u;
+const OBJECT_WORDS: u32 = {OBJECT_WORDS}u;
+const HAS_WEAK: bool = {has_weak};
+"
+            );
+            let files = [
+                include_str!("depth_layers.wgsl"),
+                include_str!("edge_rule.wgsl"),
+                include_str!("occupancy.wgsl"),
+            ];
+            constants + &files.join("\n")
+        }
+    };
+    constants + &files.join("\n") + &of_objects
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fields::launch::KERNELS;
+    use crate::fields::launch::{KERNELS, OF_FIELDS};
 
     /// Needs no GPU: the kernels are valid WGSL, and there is one for each step.
     #[test]
     fn the_kernels_are_valid() {
-        for (columns, teams) in [(1, 1), (3, 512), (31, 7)] {
-            let module = naga::front::wgsl::parse_str(&source(columns, teams)).unwrap();
+        let finding = |objects, has_weak| Some(Finding { objects, has_weak });
+        let all = [
+            (1, 1, None),
+            (3, 512, None),
+            (31, 7, None),
+            (1, 1, finding(1, false)),
+            (3, 512, finding(2, true)),
+            (31, 7, finding(16, true)),
+        ];
+        for (columns, teams, finding) in all {
+            let source = source(columns, teams, finding);
+            let module = match naga::front::wgsl::parse_str(&source) {
+                Ok(module) => module,
+                Err(error) => panic!("{}", error.emit_to_string(&source)),
+            };
             let flags = naga::valid::ValidationFlags::all();
             let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
-            validator.validate(&module).unwrap();
+            if let Err(error) = validator.validate(&module) {
+                panic!("{}", error.emit_to_string(&source));
+            }
+            let kernels = if finding.is_some() { &KERNELS[..] } else { &KERNELS[..OF_FIELDS] };
             let mut entries: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
-            let mut named = KERNELS.map(|kernel| kernel.entry()).to_vec();
+            let mut named: Vec<_> = kernels.iter().map(|kernel| kernel.entry()).collect();
             entries.sort_unstable();
             named.sort_unstable();
             assert_eq!(entries, named);

@@ -188,7 +188,7 @@ impl RemoteFields for TwinFields {
         }
         let (energies, residual) = twin.evaluate();
         let to_come = to_go.into_iter().map(f64::from).collect();
-        Ok(RemoteSolution { energies, to_come, iterations, residual, launches: 0 })
+        Ok(RemoteSolution { energies, to_come, iterations, residual, launches: 0, found: None })
     }
 
     fn shape(&self) -> [usize; 2] {

@@ -9,11 +9,11 @@ use std::ops::Deref;
 const VERTEX_BYTES: u64 = 12;
 
 /// Three rows of an affine map, in which the shader finds them.
-pub(super) type Rows = [[f32; 4]; 3];
+pub(crate) type Rows = [[f32; 4]; 3];
 
 /// An open device with everything that does not depend on the scene.
 #[derive(Debug)]
-pub(super) struct GpuDevice {
+pub(crate) struct GpuDevice {
     pub(super) adapter: Adapter,
     /// Keeps what is nearest; starts at depth 1.
     pub(super) front: wgpu::RenderPipeline,
@@ -34,7 +34,14 @@ impl GpuDevice {
     pub(super) fn open(options: &GpuOptions) -> Result<Self, RenderError> {
         let copies = wgpu::DownlevelFlags::DEPTH_TEXTURE_AND_BUFFER_COPIES;
         let needs = (copies, "it cannot copy depth to a buffer");
-        let adapter = Adapter::open("capsense depth", options.allow_software, needs)?;
+        Self::of(Adapter::open("capsense depth", options.allow_software, needs)?)
+    }
+
+    /// On a device that is open.
+    ///
+    /// # Errors
+    /// When the driver fails.
+    pub(crate) fn of(adapter: Adapter) -> Result<Self, RenderError> {
         let front = pipeline(&adapter.device, "front", wgpu::CompareFunction::Less);
         let back = pipeline(&adapter.device, "back", wgpu::CompareFunction::Greater);
         adapter.faults.check("building the depth pipelines")?;

@@ -88,7 +88,8 @@ impl NetworkDevice {
         adapter.queue.write_buffer(&buffers.holders, 0, bytemuck::cast_slice(&free));
         let layout = bind_group_layout(&adapter.device);
         let source = shader::source(columns, sharing.teams);
-        let pipelines = pipelines(&adapter.device, &layout, &source, &KERNELS.map(Kernel::entry));
+        let pipelines =
+            pipelines(&adapter.device, [Some(&layout), None], &KERNELS.map(Kernel::entry), &source);
         let group = bind_group(&adapter.device, &layout, &launches, &uniform, &buffers);
         adapter.faults.check("preparing the kernels")?;
         Ok(Self {

@@ -1,0 +1,179 @@
+// What objects make of an edge: core's `occupancy/coupling.rs` and `occupancy/parallel.rs`, which say what the rules are.
+//
+// Points and spans are those of the file before this one, a geometry source, which has
+//     fn set_anchor(place: vec3<u32>)
+//     fn object_contains(object: u32, point: vec3<f32>) -> bool
+//     fn object_span(object: u32, a: vec3<f32>, b: vec3<f32>) -> Span
+// all points relative to the anchor, a node given by its planes, in metres.
+
+// No edge is shortened to less than this part of its length.
+const SMALLEST_PART: f32 = 1e-3f;
+// Dielectrics below this relative permittivity are weak.
+const WEAK: f32 = 10.0f;
+
+// What is left of an edge: what multiplies its weight between its ends, and in links from either end to an object.
+struct Coupling { through: f32, factor: vec2<f32>, object: vec2<u32> }
+
+const PLAIN: Coupling = Coupling(1.0f, vec2<f32>(0.0f, 0.0f), vec2<u32>(NO_OBJECT, NO_OBJECT));
+
+// By object: the part of the segment at hand that it fills.
+var<private> spans: array<Span, OBJECTS>;
+
+fn is_met(object: u32) -> bool { return spans[object].enter <= spans[object].leave; }
+
+fn only_through(through: f32) -> Coupling {
+    return Coupling(through, vec2<f32>(), vec2<u32>(NO_OBJECT));
+}
+
+// ∫ ε_background/ε dt: parts in series. Where dielectrics overlap, the first listed counts.
+fn series(a: f32, b: f32, background: f32) -> f32 {
+    let last = max(b, a + SMALLEST_PART);
+    var sum = 0.0;
+    var start = a;
+    while (start < last) {
+        var end = last;
+        for (var object = 0u; object < objects; object++) {
+            if (!is_met(object) || is_conductor(object)) { continue; }
+            let span = spans[object];
+            if (span.enter > start && span.enter < end) { end = span.enter; }
+            if (span.leave > start && span.leave < end) { end = span.leave; }
+        }
+        let middle = 0.5 * (start + end);
+        var ratio = 1.0;
+        for (var object = 0u; object < objects; object++) {
+            if (!is_met(object) || is_conductor(object)) { continue; }
+            if (spans[object].enter <= middle && middle <= spans[object].leave) {
+                ratio = permittivity_of(object) / background;
+                break;
+            }
+        }
+        sum += (end - start) / ratio;
+        start = end;
+    }
+    return sum;
+}
+
+// The edge rule for the spans as they are; `owners` are the conductors that hold the ends.
+fn edge_rule(owners: vec2<u32>, background: f32) -> Coupling {
+    var met = owners;
+    var place = vec2<f32>(0.0, 1.0);
+    for (var object = 0u; object < objects; object++) {
+        if (!is_met(object) || !is_conductor(object)) { continue; }
+        let span = spans[object];
+        if (owners.x == NO_OBJECT && (met.x == NO_OBJECT || span.enter < place.x)) {
+            met.x = object;
+            place.x = span.enter;
+        }
+        if (owners.y == NO_OBJECT && (met.y == NO_OBJECT || span.leave > place.y)) {
+            met.y = object;
+            place.y = span.leave;
+        }
+    }
+    // An end that a conductor holds is a contact even where the surface's own answer misses it by rounding.
+    let held = select(owners.y, owners.x, owners.x != NO_OBJECT);
+    if (met.x == NO_OBJECT) { met.x = held; place.x = 1.0; }
+    if (met.y == NO_OBJECT) { met.y = held; place.y = 0.0; }
+    if (met.x == NO_OBJECT || met.y == NO_OBJECT) {
+        return only_through(1.0 / series(0.0, 1.0, background));
+    }
+    let is_held = owners != vec2<u32>(NO_OBJECT);
+    if (all(is_held)) {
+        if (owners.x == owners.y) { return PLAIN; }
+        let leave = select(0.0, spans[owners.x].leave, is_met(owners.x));
+        let enter = select(1.0, spans[owners.y].enter, is_met(owners.y));
+        return only_through(1.0 / series(leave, enter, background));
+    }
+    if (is_held.x && met.y == owners.x) { return only_through(1.0 / series(place.y, 1.0, background)); }
+    if (is_held.y && met.x == owners.y) { return only_through(1.0 / series(0.0, place.x, background)); }
+    var coupling = only_through(0.0);
+    if (!is_held.x) {
+        coupling.object.x = met.x;
+        coupling.factor.x = 1.0 / series(0.0, place.x, background);
+    }
+    if (!is_held.y) {
+        coupling.object.y = met.y;
+        coupling.factor.y = 1.0 / series(place.y, 1.0, background);
+    }
+    return coupling;
+}
+
+// An edge of the lattice: its first node, its axis, and its length.
+struct Edge { place: vec3<u32>, axis: u32, length: f32 }
+
+fn along(edge: Edge) -> vec3<f32> {
+    var way = vec3<f32>();
+    way[edge.axis] = edge.length;
+    return way;
+}
+
+// Finds what fills the segment beside an edge, and returns whether anything does.
+fn find_spans(edge: Edge, shift: vec3<f32>) -> bool {
+    var is_any = false;
+    for (var object = 0u; object < objects; object++) {
+        spans[object] = MISSED;
+        if (is_beside(object, edge)) {
+            spans[object] = object_span(object, shift, shift + along(edge));
+            is_any = is_any || is_met(object);
+        }
+    }
+    return is_any;
+}
+
+// Whether an object may be in the cells around an edge.
+fn is_beside(object: u32, edge: Edge) -> bool {
+    var end = edge.place + 1u;
+    var start = vec3<u32>(max(edge.place, vec3<u32>(1u)) - 1u);
+    start[edge.axis] = edge.place[edge.axis];
+    return is_near(object, start, end);
+}
+
+fn is_weak(object: u32) -> bool { return !is_conductor(object) && permittivity_of(object) < WEAK; }
+
+fn all_weak() -> bool {
+    for (var object = 0u; object < objects; object++) {
+        if (is_met(object) && !is_weak(object)) { return false; }
+    }
+    return true;
+}
+
+// Where lines pass a quarter, in parts of half its widths from its middle.
+const PLACES = array<vec2<f32>, 4>(vec2<f32>(-0.75f, -0.25f), vec2<f32>(-0.25f, 0.75f), vec2<f32>(0.25f, -0.75f), vec2<f32>(0.75f, 0.25f));
+
+// What multiplies the weight of a free edge that weak dielectrics alone are near, by parallel lines; less than nothing where
+// nothing is, or others are. The spans of the edge itself are lost.
+fn along_lines(edge: Edge, background: f32, is_along_electrode: bool) -> f32 {
+    let u = (edge.axis + 1u) % 3u;
+    let v = (edge.axis + 2u) % 3u;
+    let steps_u = vec2<f32>(-way_before(u, edge.place[u]), way_after(u, edge.place[u]));
+    let steps_v = vec2<f32>(-way_before(v, edge.place[v]), way_after(v, edge.place[v]));
+    var sum = 0.0;
+    var whole = 0.0;
+    var is_any = false;
+    for (var number = 0u; number < 4u; number++) {
+        let to_u = steps_u[number / 2u];
+        let to_v = steps_v[number % 2u];
+        let share = 0.25 * abs(to_u * to_v);
+        if (share == 0.0) { continue; }
+        var parallel = 0.0;
+        var in_series = 0.0;
+        for (var line = 0u; line < 4u; line++) {
+            var shift = vec3<f32>();
+            shift[u] = 0.25 * to_u * (1.0 + PLACES[line].x);
+            shift[v] = 0.25 * to_v * (1.0 + PLACES[line].y);
+            var through = 1.0;
+            if (find_spans(edge, shift)) {
+                for (var object = 0u; object < objects; object++) {
+                    if (is_conductor(object)) { spans[object] = MISSED; }
+                    is_any = is_any || is_met(object);
+                }
+                if (!all_weak()) { return -1.0; }
+                through = edge_rule(vec2<u32>(NO_OBJECT), background).through;
+            }
+            parallel += through;
+            in_series += 1.0 / through;
+        }
+        sum += share * select(0.25 * parallel, 4.0 / in_series, is_along_electrode);
+        whole += share;
+    }
+    return select(-1.0, sum / max(whole, LEAST), is_any && whole > 0.0);
+}
