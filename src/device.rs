@@ -4,7 +4,7 @@ use crate::pipeline::PipelineError;
 use crate::scene::Scene;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
-use capsense_render::fields::GpuFields;
+use capsense_render::fields::{GpuFields, GpuNetwork};
 
 /// What a scene asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,10 +29,29 @@ impl Device {
     }
 }
 
+/// The fields of a scene on a graphics adapter.
+#[derive(Debug)]
+pub(crate) enum Graphics {
+    /// Those of a lattice.
+    Lattice(GpuFields),
+    /// Those of any other mesh.
+    Network(GpuNetwork),
+}
+
+impl Graphics {
+    /// Name of the adapter and its driver.
+    pub(crate) fn description(&self) -> String {
+        match self {
+            Self::Lattice(fields) => fields.description(),
+            Self::Network(network) => network.description(),
+        }
+    }
+}
+
 /// A simulator, and the graphics device that its fields are on, if they are on one.
 pub(crate) struct Placed {
     pub(crate) simulator: Simulator,
-    pub(crate) gpu: Option<GpuFields>,
+    pub(crate) gpu: Option<Graphics>,
 }
 
 /// The simulator of a scene on the processor.
@@ -45,11 +64,19 @@ pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineEr
 /// The simulator of a scene on a graphics adapter.
 pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
     let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
+    if sensor.lattice().is_none() {
+        let problem = Simulator::network_problem(&sensor, &materials, scene.interface)?;
+        let network = GpuNetwork::new(problem, allow_software).map_err(PipelineError::Device)?;
+        let fields =
+            network.fields().ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
+        let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
+        return Ok(Placed { simulator, gpu: Some(Graphics::Network(network)) });
+    }
     let problem = Simulator::remote_problem(&sensor, &materials)?;
     let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
     let fields = gpu
         .scene(0, problem.columns)
         .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
     let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
-    Ok(Placed { simulator, gpu: Some(gpu) })
+    Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
 }

@@ -1,6 +1,6 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
-use crate::device::{self, Device, Placed};
+use crate::device::{self, Device, Graphics, Placed};
 use crate::scene::{Geometry, Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::{Pose, Shape};
@@ -9,7 +9,6 @@ use capsense_core::sensor::{Sensor, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::SolveReport;
-use capsense_render::fields::GpuFields;
 use capsense_render::{Backend, DepthRenderer, RenderError};
 use serde::Serialize;
 use std::time::{Duration, Instant};
@@ -109,7 +108,7 @@ pub struct Pipeline {
     eye: Eye,
     simulator: Simulator,
     /// What the fields are on, if not on the processor.
-    gpu: Option<GpuFields>,
+    gpu: Option<Graphics>,
 }
 
 impl Pipeline {
@@ -249,7 +248,7 @@ impl Pipeline {
 
     /// What computes the fields: `CPU`, or the name of a graphics adapter.
     pub fn device(&self) -> String {
-        self.gpu.as_ref().map_or_else(|| "CPU".to_owned(), GpuFields::description)
+        self.gpu.as_ref().map_or_else(|| "CPU".to_owned(), Graphics::description)
     }
 
     /// Whether a graphics adapter computes the fields.
