@@ -15,8 +15,9 @@ use capsense::core::sensor::{MeshKind, Sensor};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::render::RenderError;
-use capsense::render::fields::{GpuFields, GpuNetwork, Traffic};
-use criterion::{Criterion, criterion_group, criterion_main};
+use capsense::render::fields::{Camera, GpuFields, GpuNetwork, Objects, Traffic};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -37,11 +38,14 @@ fn sensor(tets: usize) -> Sensor {
 }
 
 /// A bar that moves 1 mm a frame towards the stripes and away, between 50 and 100 mm above them.
-fn place(solids: &mut Solids, frame: usize) {
+fn pose(frame: usize) -> Pose {
     let step = frame % 100;
     let height = 0.05 + 1e-3 * step.min(100 - step) as f64;
-    let pose = Pose { translation: DVec3::new(0.0, 0.0, height), rotation: DQuat::IDENTITY };
-    solids.place(&[pose]).expect("a translation is a pose");
+    Pose { translation: DVec3::new(0.0, 0.0, height), rotation: DQuat::IDENTITY }
+}
+
+fn place(solids: &mut Solids, frame: usize) {
+    solids.place(&[pose(frame)]).expect("a translation is a pose");
 }
 
 fn solids() -> Solids {
@@ -101,6 +105,42 @@ impl Counted for GpuNetwork {
     }
 }
 
+/// The same scenes seen by a depth camera on the device, which finds the objects, too.
+fn with_camera(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
+    let problem = Simulator::remote_problem(sensor, &[BAR]).expect("the mesh is a lattice");
+    let camera = Camera { view: common::VIEW, back_fill: false };
+    let objects = Objects { shapes: vec![common::BAR], materials: vec![BAR] };
+    GpuFields::with_camera((&problem, sensor), camera, &vec![objects; scenes], true)
+}
+
+/// Frames of one scene whose objects the device finds: what they cost, and, on a real adapter, a bench of them.
+fn step_with_camera(
+    group: &mut BenchmarkGroup<'_, WallTime>,
+    name: &str,
+    sensor: &Sensor,
+) -> Result<(), RenderError> {
+    let name = format!("{name}, objects found on the device");
+    let gpu = with_camera(sensor, 1)?;
+    let mut simulator = simulator_on(sensor, &gpu, 0);
+    let mut frame = |index: usize| {
+        gpu.place(0, &[pose(index)]).expect("a translation is a pose");
+        simulator.step_elsewhere().expect("a frame is solved")
+    };
+    report(&name, &gpu, 1, |index| {
+        let _ = frame(index);
+    });
+    if !gpu.is_software() {
+        let mut index = 0;
+        group.bench_function(&name, |bencher| {
+            bencher.iter(|| {
+                index += 1;
+                black_box(frame(index))
+            });
+        });
+    }
+    Ok(())
+}
+
 /// Frames after the first ones, as many as take some seconds; prints what they cost. In software, one.
 fn report(name: &str, gpu: &impl Counted, scenes: usize, mut frame: impl FnMut(usize)) {
     (0..3).for_each(&mut frame);
@@ -147,6 +187,9 @@ fn gpu_step(criterion: &mut Criterion) {
             place(&mut solids, index);
             let _ = on_gpu.step(&solids).expect("a frame is solved");
         });
+        if let Err(error) = step_with_camera(&mut group, &name, &sensor) {
+            println!("{name}, objects found on the device: skipped, {error}");
+        }
         if gpu.is_software() && tets < IN_SOFTWARE {
             continue;
         }
@@ -252,6 +295,7 @@ fn gpu_batch(criterion: &mut Criterion) {
         batch.step(&all).into_iter().for_each(|report| assert!(report.is_ok(), "{report:?}"));
     };
     report(&name, &gpu, scenes, &mut frame);
+    batch_with_camera(&name, &sensor, scenes);
     let mut group = criterion.benchmark_group("gpu_batch");
     group.sample_size(10);
     let mut index = 0;
@@ -273,6 +317,25 @@ fn gpu_batch(criterion: &mut Criterion) {
         });
     });
     group.finish();
+}
+
+/// The same with objects found on the device.
+fn batch_with_camera(name: &str, sensor: &Sensor, scenes: usize) {
+    let name = format!("{name}, objects found on the device");
+    let gpu = match with_camera(sensor, scenes) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            println!("{name}: skipped, {error}");
+            return;
+        }
+    };
+    let mut batch = Batch::new((0..scenes).map(|scene| simulator_on(sensor, &gpu, scene)).collect());
+    report(&name, &gpu, scenes, |index| {
+        for scene in 0..scenes {
+            gpu.place(scene, &[pose(index + scene)]).expect("a translation is a pose");
+        }
+        batch.step_elsewhere().into_iter().for_each(|report| assert!(report.is_ok(), "{report:?}"));
+    });
 }
 
 criterion_group!(benches, gpu_step, gpu_network, gpu_batch);

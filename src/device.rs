@@ -1,10 +1,13 @@
 //! Where a scene's fields are computed: on the processor, or on a graphics device.
 
 use crate::pipeline::PipelineError;
-use crate::scene::Scene;
+use crate::scene::{Geometry, Scene};
+use capsense_core::occupancy::Interface;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
-use capsense_render::fields::{GpuFields, GpuNetwork};
+use capsense_core::solver::RemoteProblem;
+use capsense_render::RenderError;
+use capsense_render::fields::{Camera, GpuFields, GpuNetwork, Objects};
 
 /// What a scene asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,6 +42,14 @@ pub(crate) enum Graphics {
 }
 
 impl Graphics {
+    /// Those of a lattice, which may find the objects, too.
+    pub(crate) fn lattice(&self) -> Option<&GpuFields> {
+        match self {
+            Self::Lattice(fields) => Some(fields),
+            Self::Network(_) => None,
+        }
+    }
+
     /// Name of the adapter and its driver.
     pub(crate) fn description(&self) -> String {
         match self {
@@ -73,10 +84,36 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
         return Ok(Placed { simulator, gpu: Some(Graphics::Network(network)) });
     }
     let problem = Simulator::remote_problem(&sensor, &materials)?;
-    let gpu = GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?;
+    let gpu = match with_camera(scene, &sensor, &problem, allow_software) {
+        Some(gpu) => gpu,
+        None => GpuFields::new(&problem, 1, allow_software),
+    };
+    let gpu = gpu.map_err(PipelineError::Device)?;
     let fields = gpu
         .scene(0, problem.columns)
         .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
     let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
     Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
+}
+
+/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, seen by a depth camera, or
+/// are more than the adapter takes.
+fn with_camera(
+    scene: &Scene,
+    sensor: &Sensor,
+    problem: &RemoteProblem,
+    allow_software: bool,
+) -> Option<Result<GpuFields, RenderError>> {
+    if !matches!(scene.geometry, Geometry::Camera) || scene.interface != Interface::EdgeCut {
+        return None;
+    }
+    let camera = Camera { view: scene.view, back_fill: scene.back_fill };
+    let objects = Objects {
+        shapes: scene.objects.iter().map(|object| object.shape.clone()).collect(),
+        materials: scene.objects.iter().map(|object| object.material).collect(),
+    };
+    match GpuFields::with_camera((problem, sensor), camera, &[objects], allow_software) {
+        Err(RenderError::LimitExceeded { .. } | RenderError::OutOfMemory { .. }) => None,
+        fields => Some(fields),
+    }
 }

@@ -86,8 +86,8 @@ impl ErrorEstimator {
     /// Error bars of the frame that a pipeline computed last.
     ///
     /// # Errors
-    /// When the solver fails on the halved mesh.
-    pub fn estimate(&mut self, pipeline: &Pipeline, frame: &Frame) -> Result<ErrorBars, PipelineError> {
+    /// When the solver fails on the halved mesh, or objects cannot be drawn for it.
+    pub fn estimate(&mut self, pipeline: &mut Pipeline, frame: &Frame) -> Result<ErrorBars, PipelineError> {
         pipeline.show_to(&mut self.halved)?;
         let _ = self.halved.solve()?;
         Ok(pipeline.simulator().error_bars(&self.halved, &frame.solve))

@@ -35,6 +35,7 @@ pub mod curve_table;
 pub mod device;
 pub mod error_bars;
 pub mod evidence;
+mod eye;
 pub mod frame_table;
 pub mod gmsh;
 pub mod motion;

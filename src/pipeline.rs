@@ -1,15 +1,16 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
 use crate::device::{self, Device, Graphics, Placed};
-use crate::scene::{Geometry, Scene, SceneError, SceneObject};
+use crate::eye::Eye;
+use crate::scene::{Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
-use capsense_core::geometry::{Pose, Shape};
-use capsense_core::occupancy::{DepthLayers, OrthographicView};
+use capsense_core::geometry::Pose;
+use capsense_core::occupancy::DepthLayers;
 use capsense_core::sensor::{Sensor, SensorError};
 use capsense_core::simulator::{Simulator, SimulatorError};
-use capsense_core::solids::{SolidError, Solids};
+use capsense_core::solids::SolidError;
 use capsense_core::solver::SolveReport;
-use capsense_render::{Backend, DepthRenderer, RenderError};
+use capsense_render::RenderError;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -69,36 +70,6 @@ pub struct Frame {
     pub milliseconds: Milliseconds,
 }
 
-/// What tells where surfaces are.
-#[derive(Debug)]
-enum Eye {
-    Camera(Box<Camera>),
-    Solids(Solids),
-}
-
-/// A depth camera and what it saw last.
-#[derive(Debug)]
-struct Camera {
-    renderer: DepthRenderer,
-    back_fill: bool,
-    layers: DepthLayers,
-}
-
-impl Camera {
-    fn new(view: OrthographicView, shapes: &[Shape], back_fill: bool) -> Result<Self, RenderError> {
-        let renderer = DepthRenderer::new(Backend::Auto, view, shapes)?;
-        Ok(Self { renderer, back_fill, layers: DepthLayers::empty(view, shapes.len()) })
-    }
-
-    fn look(&mut self, poses: &[Pose]) -> Result<(), RenderError> {
-        self.renderer.render(poses, &mut self.layers)?;
-        if self.back_fill {
-            self.layers.back_fill();
-        }
-        Ok(())
-    }
-}
-
 /// A scene made ready to run.
 #[derive(Debug)]
 pub struct Pipeline {
@@ -151,12 +122,12 @@ impl Pipeline {
         Self::of(scene, device::on_cpu(scene, sensor)?)
     }
 
-    /// The median time of update and solve of the first frames of so many, in milliseconds.
+    /// The median time of the first frames of so many, in milliseconds.
     fn time_of_first_frames(&mut self, frames: usize) -> Result<f64, PipelineError> {
         let mut times = Vec::with_capacity(FRAMES_TO_COMPARE);
         for index in 0..FRAMES_TO_COMPARE.min(frames) {
-            let took = self.frame(index)?.milliseconds;
-            times.push(took.update + took.solve);
+            // Where objects are found by a graphics adapter, they are drawn while it solves.
+            times.push(self.frame(index)?.milliseconds.total);
         }
         times.sort_by(f64::total_cmp);
         Ok(times.get(times.len() / 2).copied().unwrap_or(0.0))
@@ -164,12 +135,8 @@ impl Pipeline {
 
     fn of(scene: &Scene, placed: Placed) -> Result<Self, PipelineError> {
         let Placed { simulator, gpu } = placed;
-        let shapes: Vec<Shape> = scene.objects.iter().map(|object| object.shape.clone()).collect();
-        let eye = match &scene.geometry {
-            Geometry::Camera => Eye::Camera(Box::new(Camera::new(scene.view, &shapes, scene.back_fill)?)),
-            Geometry::Solids(solids) => Eye::Solids(solids.clone()),
-        };
-        let poses = Vec::with_capacity(shapes.len());
+        let eye = Eye::of(scene, gpu.as_ref().and_then(Graphics::lattice))?;
+        let poses = Vec::with_capacity(scene.objects.len());
         Ok(Self { objects: scene.objects.clone(), frame_rate: scene.frame_rate, poses, eye, simulator, gpu })
     }
 
@@ -197,17 +164,17 @@ impl Pipeline {
             held.unwrap_or_else(|| object.motion.pose_at(time_s))
         };
         self.poses.extend(self.objects.iter().zip(held).map(pose_of));
-        match &mut self.eye {
-            Eye::Camera(camera) => camera.look(&self.poses)?,
-            Eye::Solids(solids) => solids.place(&self.poses)?,
-        }
+        let is_news = self.eye.look(&self.poses)?;
         let seen = Instant::now();
-        let changed_edges = match &self.eye {
-            Eye::Camera(camera) => self.simulator.update(&camera.layers)?,
-            Eye::Solids(solids) => self.simulator.update(solids)?,
-        };
+        match &self.eye {
+            Eye::Camera(camera) => self.simulator.update(&camera.layers).map(|_| ())?,
+            Eye::Solids(solids) => self.simulator.update(solids).map(|_| ())?,
+            Eye::Device(_) if is_news => self.simulator.update_elsewhere()?,
+            Eye::Device(_) => {}
+        }
         let updated = Instant::now();
         let solve = self.simulator.solve()?;
+        let changed_edges = if is_news { self.simulator.changed_edges() } else { 0 };
         let solved = Instant::now();
         Ok(Frame {
             index,
@@ -225,20 +192,41 @@ impl Pipeline {
     }
 
     /// Has another simulator of the scene see what was seen in the last frame.
-    pub(crate) fn show_to(&self, simulator: &mut Simulator) -> Result<(), SimulatorError> {
+    pub(crate) fn show_to(&mut self, simulator: &mut Simulator) -> Result<(), PipelineError> {
+        self.look()?;
         match &self.eye {
             Eye::Camera(camera) => simulator.update(&camera.layers)?,
             Eye::Solids(solids) => simulator.update(solids)?,
+            Eye::Device(device) => simulator.update(device.layers())?,
         };
         Ok(())
     }
 
+    /// Where a graphics adapter finds the objects, has the processor find those of the last frame, too: for who looks at
+    /// [`Pipeline::layers`], or at the occupancy and the matrix of [`Pipeline::simulator`], which otherwise are of an earlier
+    /// frame. It costs what it would without the adapter, and nothing where objects are found here anyway.
+    ///
+    /// # Errors
+    /// When the objects cannot be drawn.
+    pub fn look(&mut self) -> Result<(), PipelineError> {
+        if let Eye::Device(device) = &mut self.eye {
+            let layers = device.look()?;
+            self.simulator.look(layers)?;
+        }
+        Ok(())
+    }
+
     /// Objects that the mesh is too coarse for in the last frame, as [`Simulator::unresolved`] tells.
-    pub fn unresolved(&self) -> Vec<usize> {
-        match &self.eye {
+    ///
+    /// # Errors
+    /// When the objects cannot be drawn.
+    pub fn unresolved(&mut self) -> Result<Vec<usize>, PipelineError> {
+        self.look()?;
+        Ok(match &self.eye {
             Eye::Camera(camera) => self.simulator.unresolved(&camera.layers),
             Eye::Solids(solids) => self.simulator.unresolved(solids),
-        }
+            Eye::Device(device) => self.simulator.unresolved(device.layers()),
+        })
     }
 
     /// The simulator in the state of the last frame.
@@ -256,10 +244,17 @@ impl Pipeline {
         self.gpu.is_some()
     }
 
-    /// What the camera saw in the last frame, if there is one.
+    /// Whether a graphics adapter finds the objects, too: then the processor has nothing but poses to do with them.
+    pub fn finds_objects_on_gpu(&self) -> bool {
+        matches!(self.eye, Eye::Device(_))
+    }
+
+    /// What the camera saw in the last frame, if there is one; where a graphics adapter finds the objects, when
+    /// [`Pipeline::look`] was called last.
     pub fn layers(&self) -> Option<&DepthLayers> {
         match &self.eye {
             Eye::Camera(camera) => Some(&camera.layers),
+            Eye::Device(device) => Some(device.layers()),
             Eye::Solids(_) => None,
         }
     }
@@ -271,10 +266,7 @@ impl Pipeline {
 
     /// What draws the objects; exact solids are not drawn.
     pub fn renderer(&self) -> &str {
-        match &self.eye {
-            Eye::Camera(camera) => camera.renderer.description(),
-            Eye::Solids(_) => "exact solids",
-        }
+        self.eye.description()
     }
 }
 

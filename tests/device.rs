@@ -10,9 +10,12 @@ use std::path::Path;
 
 /// The scene with other words in its table of the solver.
 fn scene(solver: &str) -> Scene {
+    Scene::parse("device.toml", &scene_text(solver), Path::new(".")).unwrap()
+}
+
+fn scene_text(solver: &str) -> String {
     let start = SCENE.find("tolerance = 1e-4").unwrap();
-    let text = format!("{}{solver}\n", &SCENE[..start]);
-    Scene::parse("device.toml", &text, Path::new(".")).unwrap()
+    format!("{}{solver}\n", &SCENE[..start])
 }
 
 #[test]
@@ -51,6 +54,34 @@ fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
             assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e}");
         }
     }
+}
+
+/// Objects seen by a depth camera are found on the device, and on the processor for who looks.
+#[test]
+fn a_camera_on_the_device_sees_what_one_here_does() {
+    let mut gpu = Pipeline::new(&scene("tolerance = 1e-5\ndevice = \"gpu\"")).unwrap();
+    let mut cpu = Pipeline::new(&scene("tolerance = 1e-9")).unwrap();
+    assert!(gpu.finds_objects_on_gpu() && !cpu.finds_objects_on_gpu());
+    for frame in [0, 1, 1, 3] {
+        let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
+        for (a, b) in ours.capacitance.rows().flatten().zip(expected.capacitance.rows().flatten()) {
+            // The processor draws with pixels of its own at silhouettes.
+            assert!((a - b).abs() < 2e-3 * expected.capacitance.get(0, 0), "{a:e} {b:e}");
+        }
+        assert_eq!(ours.changed_edges == 0, ours.solve.skipped);
+    }
+    let nothing = gpu.layers().unwrap().front(0).iter().all(|z| z.is_infinite());
+    gpu.look().unwrap();
+    let conductors = |pipeline: &Pipeline| pipeline.simulator().occupancy().conductors().to_vec();
+    assert!(nothing && conductors(&gpu) == conductors(&cpu));
+    assert!(gpu.layers().unwrap().front(0).iter().any(|z| z.is_finite()));
+    assert_eq!(gpu.unresolved().unwrap(), cpu.unresolved().unwrap());
+    // Other models than surfaces that cut edges are the processor's.
+    let filled = scene_text("device = \"gpu\"").replace("edge-cut", "centroid");
+    let filled = Scene::parse("device.toml", &filled, Path::new(".")).unwrap();
+    let mut pipeline = Pipeline::new(&filled).unwrap();
+    assert!(pipeline.is_on_gpu() && !pipeline.finds_objects_on_gpu());
+    assert!(pipeline.frame(0).unwrap().changed_edges > 0);
 }
 
 /// Where nothing but a software adapter is at hand, and where no device takes the scene.

@@ -98,7 +98,7 @@ fn bars_of(scene: &Scene) -> ErrorBars {
     let mut pipeline = Pipeline::new(scene).unwrap();
     let mut estimator = ErrorEstimator::new(scene, &pipeline).unwrap().unwrap();
     let frame = pipeline.frame(0).unwrap();
-    estimator.estimate(&pipeline, &frame).unwrap()
+    estimator.estimate(&mut pipeline, &frame).unwrap()
 }
 
 /// The pipeline's own bars do so, too, wherever a bar stands between planes of nodes.

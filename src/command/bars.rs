@@ -56,14 +56,14 @@ impl BarLog {
     }
 
     /// Notes the bars of the frame computed last, if they are due.
-    pub(super) fn note(&mut self, scene: &Scene, pipeline: &Pipeline, frame: &Frame) {
+    pub(super) fn note(&mut self, scene: &Scene, pipeline: &mut Pipeline, frame: &Frame) {
         if self.estimator.as_ref().is_some_and(|estimator| estimator.is_due(frame.index)) {
             self.tell(scene, pipeline, frame);
         }
     }
 
     /// Notes them whether they are due or not.
-    pub(super) fn tell(&mut self, scene: &Scene, pipeline: &Pipeline, frame: &Frame) {
+    pub(super) fn tell(&mut self, scene: &Scene, pipeline: &mut Pipeline, frame: &Frame) {
         let Some(estimator) = &mut self.estimator else { return };
         let started = Instant::now();
         match estimator.estimate(pipeline, frame) {

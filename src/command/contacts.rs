@@ -17,12 +17,13 @@ pub(super) struct ContactLog {
 
 impl ContactLog {
     /// Notes the contacts, and now and then the unresolved objects, of the frame computed last.
-    pub(super) fn note(&mut self, frame: usize, pipeline: &Pipeline) {
+    pub(super) fn note(&mut self, frame: usize, pipeline: &mut Pipeline) {
         for &contact in pipeline.simulator().contacts() {
             self.first_frames.entry(contact).or_insert(frame);
         }
         if self.noted.is_multiple_of(BETWEEN_LOOKS) {
-            for object in pipeline.unresolved() {
+            // What cannot be drawn is told by the next frame.
+            for object in pipeline.unresolved().unwrap_or_default() {
                 self.first_unresolved.entry(object).or_insert(frame);
             }
         }

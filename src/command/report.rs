@@ -52,6 +52,8 @@ struct Solver {
     preconditioner: &'static str,
     /// `CPU`, or the name of the graphics adapter that computed the fields.
     device: String,
+    /// What found the objects: `processor`, or `device` where that did it, too.
+    objects: &'static str,
     /// Kernels that it launched for a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     launches_median: Option<usize>,
@@ -131,6 +133,7 @@ impl<'a> Report<'a> {
             solver: Solver {
                 preconditioner: pipeline.simulator().preconditioner().name(),
                 device: pipeline.device(),
+                objects: if pipeline.finds_objects_on_gpu() { "device" } else { "processor" },
                 launches_median: pipeline.is_on_gpu().then(|| percentile(&launches, 0.5)),
                 tolerance: scene.solver.tolerance,
                 threads: scene.threads,

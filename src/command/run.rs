@@ -53,8 +53,8 @@ pub(super) fn run(arguments: &RunArguments) -> anyhow::Result<()> {
     while frames.len() < scene.frames && !interrupt.requested() && failure.is_none() {
         match pipeline.frame(frames.len()) {
             Ok(frame) => {
-                contacts.note(frame.index, &pipeline);
-                bars.note(&scene, &pipeline, &frame);
+                contacts.note(frame.index, &mut pipeline);
+                bars.note(&scene, &mut pipeline, &frame);
                 measured.note(&frame);
                 frames.push(frame);
             }

@@ -67,9 +67,9 @@ pub(super) fn solve(arguments: &SolveArguments) -> anyhow::Result<()> {
     let mut pipeline = Pipeline::new(&scene)?;
     let frame = pipeline.frame(arguments.frame)?;
     let mut contacts = ContactLog::default();
-    contacts.note(arguments.frame, &pipeline);
+    contacts.note(arguments.frame, &mut pipeline);
     let mut bars = BarLog::new(&scene, &pipeline);
-    bars.tell(&scene, &pipeline, &frame);
+    bars.tell(&scene, &mut pipeline, &frame);
     let warnings: Vec<String> =
         contacts.warnings(&scene).into_iter().chain(bars.warning().cloned()).collect();
     print_warnings(&warnings);

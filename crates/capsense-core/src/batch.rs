@@ -90,6 +90,11 @@ impl Batch {
         solved.collect()
     }
 
+    /// The simulators one by one again.
+    pub fn into_simulators(self) -> Vec<Simulator> {
+        self.simulators
+    }
+
     /// The simulators, in the state of the last frame.
     pub fn simulators(&self) -> &[Simulator] {
         &self.simulators

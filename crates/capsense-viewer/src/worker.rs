@@ -412,17 +412,19 @@ impl Desk {
 
     fn publish_view(&mut self) {
         let Some(open) = &mut self.open else { return };
+        // What cannot be drawn is told by the next frame.
+        let _ = open.pipeline.look();
         let view = open.pictures.snapshot(&open.pipeline);
         lock(&self.shared.outbox).view = Some(view);
     }
 
     fn tell_bars(&mut self) -> Result<(), PipelineError> {
-        let (Some(open), Some(last)) = (&self.open, &self.last) else { return Ok(()) };
+        let (Some(open), Some(last)) = (&mut self.open, &self.last) else { return Ok(()) };
         if self.estimator.is_none() {
             self.estimator = Some(ErrorEstimator::new(&open.scene, &open.pipeline)?);
         }
         let bars = match &mut self.estimator {
-            Some(Some(estimator)) => Some(estimator.estimate(&open.pipeline, last)?),
+            Some(Some(estimator)) => Some(estimator.estimate(&mut open.pipeline, last)?),
             _ => None,
         };
         self.tell(News::Bars(Box::new(bars)));

@@ -108,11 +108,13 @@ impl DepthLayers {
             }
         }
         let mut found: Option<Span> = None;
+        // Along an axis that the segment does not leave, exactly where its ends are: they may be on a border of pixels.
+        let uv_at = |t: f64| uv[0] + (uv[1] - uv[0]) * t;
         let mut start = 0.0;
         while start < 1.0 {
             let end = borders.next_after(start);
-            let quarter = self.quarter(object, uv[0].lerp(uv[1], 0.5 * (start + end)));
-            let ends = [start, end].map(|t| uv[0].lerp(uv[1], t));
+            let quarter = self.quarter(object, uv_at(0.5 * (start + end)));
+            let ends = [start, end].map(uv_at);
             let piece = quarter.and_then(|quarter| quarter.span(ends, [start, end].map(z_at), [start, end]));
             if let Some(piece) = piece {
                 found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });

@@ -9,6 +9,8 @@ const MARGIN_IN_PIXELS: f32 = 1e-3f;
 // Where a ray misses: far behind in front, far before at the back.
 const MISS: vec2<f32> = vec2<f32>(1e30f, -1e30f);
 const BEYOND: f32 = 2.0f;
+// The largest number below one.
+const LARGEST_PART: f32 = 0.99999994f;
 
 const FRONT_AT: u32 = OWN;
 const BACK_AT: u32 = OWN + 1u;
@@ -20,6 +22,9 @@ const RANGE: u32 = OWN + 5u;
 var<private> anchor_z: vec2<f32>;
 var<private> anchor_pixel: vec2<i32>;
 var<private> anchor_in_pixel: vec2<f32>;
+// The ways to the next planes across x and y, and where these are: exactly in the pixels that their nodes are in.
+var<private> way_to_next: vec2<f32>;
+var<private> next_in_pixels: vec2<f32>;
 
 fn set_anchor(place: vec3<u32>) {
     let x = plane_at(0u, place.x);
@@ -28,10 +33,17 @@ fn set_anchor(place: vec3<u32>) {
     anchor_pixel = vec2<i32>(bitcast<i32>(tables[x + 3u]), bitcast<i32>(tables[y + 3u]));
     anchor_in_pixel = vec2<f32>(bitcast<f32>(tables[x + 4u]), bitcast<f32>(tables[y + 4u]));
     anchor_z = vec2<f32>(bitcast<f32>(tables[z]), bitcast<f32>(tables[z + 1u]));
+    way_to_next = vec2<f32>(bitcast<f32>(tables[x + 2u]), bitcast<f32>(tables[y + 2u]));
+    // Behind the last plane there is a way of no length, and what is read is of no use.
+    let pixels = vec2<i32>(bitcast<i32>(tables[x + 8u]), bitcast<i32>(tables[y + 8u])) - anchor_pixel;
+    let within = vec2<f32>(bitcast<f32>(tables[x + 9u]), bitcast<f32>(tables[y + 9u]));
+    let whole = vec2<f32>(pixels);
+    next_in_pixels = min(whole + within, (whole + 1.0) * LARGEST_PART);
 }
 
 fn in_pixels(point: vec3<f32>) -> vec2<f32> {
-    return anchor_in_pixel + point.xy * camera.pixels_per_metre;
+    let is_next = (point.xy == way_to_next) & (way_to_next > vec2<f32>());
+    return select(anchor_in_pixel + point.xy * camera.pixels_per_metre, next_in_pixels, is_next);
 }
 
 // Front and back in a pixel, relative to the anchor.

@@ -7,6 +7,7 @@ use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
 use super::shader;
 use crate::adapter::Adapter;
 use crate::error::RenderError;
+use crate::gpu::Rows;
 use bytemuck::{Pod, Zeroable};
 use capsense_core::solver::Found;
 use std::time::Duration;
@@ -231,6 +232,7 @@ impl FieldDevice {
         most_iterations: &[Option<u32>],
     ) -> Result<u64, RenderError> {
         let mut words = std::mem::take(&mut self.changes);
+        let mut placed = 0;
         words.clear();
         words.resize(HEADER * self.scenes, 0);
         words.extend(allowed.iter().map(|allowed| allowed.to_bits()));
@@ -248,6 +250,7 @@ impl FieldDevice {
                 self.due[scene] = most.is_some() && finder.is_due(scene);
                 let told = finder.tell(scene, most.is_some(), &mut words);
                 words[HEADER * scene + 7..][..5].copy_from_slice(&told);
+                placed += u64::from(told[0] * told[2]);
             }
         }
         let bytes = 4 * words.len() as u64;
@@ -263,7 +266,7 @@ impl FieldDevice {
         }
         self.adapter.queue.write_buffer(&self.buffers.changes, 0, bytemuck::cast_slice(&words));
         self.changes = words;
-        Ok(bytes)
+        Ok(bytes + placed * size_of::<Rows>() as u64)
     }
 
     /// Runs some iterations of all scenes, the first of them from what was sent, and reads back what they found.

@@ -2,16 +2,19 @@
 
 use super::finder::{Camera, Objects};
 use super::gpu::GpuFields;
+use crate::error::RenderError;
 use crate::gpu::{GpuOptions, GpuRenderer};
+use capsense_core::batch::Batch;
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::occupancy::{DepthLayers, Interface, NO_OBJECT, OrthographicView};
-use capsense_core::sensor::{Sensor, SensorDesign, Substrate, Wall};
-use capsense_core::simulator::Simulator;
+use capsense_core::sensor::{FREE, Sensor, SensorDesign, Substrate, Wall};
+use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use glam::{DQuat, DVec2, DVec3};
+use proptest::prelude::*;
 
 const GROUNDED: Material = Material::Conductor(Connection::Grounded);
 const FLOATING: Material = Material::Conductor(Connection::Floating);
@@ -103,50 +106,62 @@ impl Both {
         (difference(self.ours.capacitance(), self.expected.capacitance()), report.solve.relative_error)
     }
 
-    /// The largest differences of rows of K, in relation to the diagonal of the empty scene, links to be as precise as where
-    /// surfaces are; and how many nodes are held by others.
-    fn rows_apart(&self) -> (f64, usize) {
+    /// How far rows of K are apart.
+    fn rows_apart(&self) -> RowsApart {
         let [networks, vectors] = self.gpu.buffers_of(0);
         let plan = self.gpu.plan();
-        let (grid, nodes) = (plan.grids[0], plan.nodes());
-        let matrix = self.expected.matrix();
-        let network = matrix.network();
-        let sensor = self.expected.sensor();
-        let csr = matrix.to_csr();
+        let grid = plan.grids[0];
+        let (matrix, sensor) = (self.expected.matrix(), self.expected.sensor());
+        let (weights, csr) = (matrix.network().weights(), matrix.to_csr());
         let strides = sensor.lattice().unwrap().strides();
+        let value = |array: usize, node: usize| {
+            f64::from(networks[grid.at as usize + array * grid.stride as usize + node])
+        };
         let entry = |row: usize, column: usize| {
             let row = csr.row(row);
             let found = row.col_indices().iter().position(|&other| other == column);
             found.map_or(0.0, |at| -row.values()[at])
         };
-        let mut worst = 0.0_f64;
-        let mut others = 0;
-        for node in 0..nodes {
-            let base = (0..3).map(|axis| network.weights()[3 * node + axis]).fold(0.0, f64::max);
-            let [ours, theirs] = [0, 1].map(|side| match side {
-                0 => networks[grid.at as usize + 3 * grid.stride as usize + node] > 1e29,
-                _ => {
-                    let is_held = self.expected.occupancy().conductors()[node] != NO_OBJECT;
-                    is_held || sensor.terminals()[node] != capsense_core::sensor::FREE
-                }
-            });
-            others += usize::from(ours != theirs);
+        let mut apart = RowsApart::default();
+        for (node, &conductor) in self.expected.occupancy().conductors().iter().enumerate() {
+            let is_held = conductor != NO_OBJECT || sensor.terminals()[node] != FREE;
+            apart.others += usize::from((value(3, node) > 1e29) != is_held);
+            let base = (0..3).map(|axis| weights[3 * node + axis]).fold(1e-6, f64::max);
             let leak = f64::from(vectors[plan.leak as usize + node]);
             let other = matrix.link_weight(node);
-            // A link of length θ is known as well as θ is.
-            let slack = 1.0 + leak.abs() / base.max(1e-12);
-            if base > 0.0 {
-                worst = worst.max((leak - other).abs() / (base + other.abs()) / slack);
-            }
+            // A link is known as well as its length is.
+            apart.note((leak - other).abs() / (base + other.abs()) / (1.0 + leak.abs() / base));
             for (axis, stride) in strides.into_iter().enumerate() {
-                let weight = f64::from(networks[grid.at as usize + axis * grid.stride as usize + node]);
-                if network.weights()[3 * node + axis] > 0.0 {
+                if weights[3 * node + axis] > 0.0 {
                     let other = entry(node, node + stride);
-                    worst = worst.max((weight - other).abs() / weight.max(other).max(base));
+                    apart.note((value(axis, node) - other).abs() / other.max(base));
                 }
             }
         }
-        (worst, others)
+        apart
+    }
+}
+
+/// How far rows of K are apart, in relation to weights of the empty scene: the worst value, how many are off by more than
+/// rounding makes of surfaces that edges do not graze, of how many, and how many nodes others hold.
+#[derive(Clone, Copy, Debug, Default)]
+struct RowsApart {
+    worst: f64,
+    rough: usize,
+    values: usize,
+    others: usize,
+}
+
+impl RowsApart {
+    fn note(&mut self, apart: f64) {
+        self.worst = self.worst.max(apart);
+        self.rough += usize::from(apart > 5e-6);
+        self.values += 1;
+    }
+
+    fn check(&self) {
+        println!("{self:?}");
+        assert!(self.worst < 5e-4 && 1000 * self.rough < self.values && self.others == 0, "{self:?}");
     }
 }
 
@@ -194,12 +209,202 @@ fn rows_are_those_of_the_processor() {
             };
             let poses: Vec<Pose> = (0..materials.len()).map(at).collect();
             let (apart, told) = both.step(&poses);
-            let (worst, others) = both.rows_apart();
-            println!(
-                "{materials:?}, frame {frame}: C {apart:.1e}, rows {worst:.1e}, {others} held by others"
-            );
-            assert!(worst < 2e-5 && others == 0, "{materials:?}, frame {frame}: {worst:e}, {others}");
+            println!("{materials:?}, frame {frame}: C {apart:.1e}");
+            both.rows_apart().check();
             assert!(apart < ERROR && told <= 1.2 * OPTIONS.tolerance, "{apart:e} {told:e}");
         }
     }
+}
+
+/// Many workgroups, floating bodies and those tied to ground, objects that come, go, and touch electrodes.
+#[test]
+fn objects_come_and_go_and_touch() {
+    let sensor = sensor(75_000, false, Wall::Grounded);
+    let materials = vec![FLOATING, GROUNDED];
+    let view = OrthographicView { domain: DOMAIN, width: 80, height: 64 };
+    let objects = Objects { shapes: shapes()[..2].to_vec(), materials };
+    let mut both = Both::new(&sensor, Camera { view, back_fill: false }, &objects);
+    let away = pose([0.0, 0.0, 3.0], DVec3::X, 0.1);
+    let bar = |height: f64| pose([0.01, 0.02, height], DVec3::new(1.0, 2.0, 30.0), 0.3);
+    let ball = |height: f64| pose([0.071, 0.013, height], DVec3::X, 0.0);
+    let frames = [
+        ([away, away], 0),
+        ([bar(0.08), away], 0),
+        ([bar(0.079), ball(0.0611)], 0),
+        ([bar(0.2), ball(0.0303)], 1),
+        ([away, ball(0.062)], 0),
+    ];
+    for (frame, (poses, contacts)) in frames.into_iter().enumerate() {
+        let (apart, told) = both.step(&poses);
+        let of_bar = both.gpu.potentials(0, 3);
+        let is_away = poses[0] == away;
+        assert_eq!(of_bar.iter().all(|volts| *volts == 0.0), is_away, "frame {frame}");
+        assert_eq!(both.ours.contacts().len(), contacts, "frame {frame}");
+        // Gaps of no width are the mesh's, and single precision knows them as parts of an edge.
+        let allowed = if contacts > 0 { 1e-4 } else { ERROR };
+        assert!(apart < allowed && (contacts > 0 || told <= 1.2 * ERROR), "{frame}: {apart:e} {told:e}");
+        println!("frame {frame}: C {apart:.1e}");
+        both.rows_apart().check();
+    }
+    assert!(!both.gpu.place(0, &frames_end()).unwrap(), "nothing moved");
+    let report = both.ours.solve().unwrap();
+    assert!(report.skipped && report.launches == 0, "{report:?}");
+}
+
+fn frames_end() -> [Pose; 2] {
+    [pose([0.0, 0.0, 3.0], DVec3::X, 0.1), pose([0.071, 0.013, 0.062], DVec3::X, 0.0)]
+}
+
+/// Kinds of objects, and where they are in three frames: near and far, beside each other and within each other.
+type Thrown = [(usize, usize, [[f64; 4]; 3]); 2];
+
+fn scenes() -> impl Strategy<Value = Vec<Thrown>> {
+    let place = [-0.15..0.15, -0.15..0.15, 0.05..0.3, 0.0..3.0];
+    let object = (0..4_usize, 0..4_usize, [place.clone(), place.clone(), place]);
+    prop::collection::vec([object.clone(), object], 4)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3))]
+
+    /// Four scenes at once, of bodies of all kinds that jump from frame to frame.
+    #[test]
+    fn random_scenes_have_the_capacitances_of_the_processors_solver(thrown in scenes()) {
+        let sensor = sensor(9_000, false, Wall::Grounded);
+        let camera = Camera { view: OrthographicView { domain: DOMAIN, width: 60, height: 50 }, back_fill: false };
+        let objects: Vec<Objects> = thrown.iter().map(|scene| Objects {
+            shapes: scene.iter().map(|(_, shape, _)| shapes()[*shape].clone()).collect(),
+            materials: scene.iter().map(|(kind, ..)| [GROUNDED, TIED, dielectric(3.0), dielectric(80.0)][*kind]).collect(),
+        }).collect();
+        let (gpu, mut batch) = batch_of(&sensor, camera, &objects);
+        let exact = SolverOptions { tolerance: 1e-10, ..OPTIONS };
+        let mut expected: Vec<(Simulator, GpuRenderer)> = objects.iter().map(|objects| {
+            let simulator = Simulator::new(sensor.clone(), objects.materials.clone(), exact).unwrap();
+            (simulator, GpuRenderer::new(GpuOptions::default(), camera.view, &objects.shapes).unwrap())
+        }).collect();
+        for frame in 0..3 {
+            let poses = |scene: &Thrown| scene.map(|(_, _, at)| {
+                let [x, y, z, turn] = at[frame];
+                pose([x, y, z], DVec3::new(0.3, 1.0, 0.2), turn)
+            });
+            for (scene, thrown) in thrown.iter().enumerate() {
+                gpu.place(scene, &poses(thrown)).unwrap();
+            }
+            let reports = batch.step_elsewhere();
+            for (scene, report) in reports.into_iter().enumerate() {
+                let (expected, renderer) = &mut expected[scene];
+                let mut layers = DepthLayers::empty(camera.view, 2);
+                renderer.render(&poses(&thrown[scene]), &mut layers).unwrap();
+                let _ = expected.step(&layers).unwrap();
+                let ours = &batch.simulators()[scene];
+                let apart = difference(ours.capacitance(), expected.capacitance());
+                let told = report.unwrap().solve.relative_error.max(ERROR);
+                prop_assert!(apart < told, "{apart:e} {told:e} in frame {frame} of {:?}", thrown[scene]);
+                prop_assert!(told < 1.2 * ERROR || !ours.contacts().is_empty(), "{told:e}");
+                prop_assert_eq!(ours.contacts(), expected.contacts());
+            }
+        }
+    }
+}
+
+fn batch_of(sensor: &Sensor, camera: Camera, objects: &[Objects]) -> (GpuFields, Batch) {
+    let problem = |objects: &Objects| Simulator::remote_problem(sensor, &objects.materials).unwrap();
+    let most = objects.iter().map(problem).max_by_key(|problem| problem.columns).unwrap();
+    let gpu = GpuFields::with_camera((&most, sensor), camera, objects, true).unwrap();
+    let of_scene =
+        |(scene, objects): (usize, &Objects)| simulator_on(sensor, &gpu, scene, &objects.materials);
+    let simulators = objects.iter().enumerate().map(of_scene).collect();
+    (gpu, Batch::new(simulators))
+}
+
+/// Scenes of different objects and numbers of them, one of which is not placed in each frame.
+#[test]
+fn scenes_of_a_batch_have_the_bits_of_each_alone() {
+    for tets in [9_000, 75_000] {
+        let sensor = sensor(tets, false, Wall::Grounded);
+        let camera =
+            Camera { view: OrthographicView { domain: DOMAIN, width: 40, height: 50 }, back_fill: true };
+        let of = |shapes: &[Shape], materials: &[Material]| Objects {
+            shapes: shapes.to_vec(),
+            materials: materials.to_vec(),
+        };
+        let objects = [
+            of(&shapes()[..1], &[GROUNDED]),
+            of(&shapes()[1..3], &[FLOATING, dielectric(3.0)]),
+            of(&shapes()[1..2], &[TIED]),
+        ];
+        let poses = |scene: usize, frame: usize| -> Vec<Pose> {
+            let at = |object: usize| {
+                let height = 0.06 + 0.03 * scene as f64 + 0.002 * frame as f64 + 0.08 * object as f64;
+                pose([0.02 * scene as f64, 0.01, height], DVec3::new(1.0, 0.3, 0.5), 0.4)
+            };
+            (0..objects[scene].shapes.len()).map(at).collect()
+        };
+        let (gpu, mut batch) = batch_of(&sensor, camera, &objects);
+        let mut together = Vec::new();
+        for frame in 0..2 {
+            (0..3).for_each(|scene| assert!(gpu.place(scene, &poses(scene, frame)).unwrap()));
+            let reports = batch.step_elsewhere();
+            assert!(reports.iter().all(Result::is_ok), "{reports:?}");
+            let capacitances = batch.simulators().iter().map(|one| one.capacitance().clone());
+            together.push(capacitances.collect::<Vec<_>>());
+        }
+        let (gpu, alone) = batch_of(&sensor, camera, &objects);
+        let mut alone = alone.into_simulators();
+        for scene in 0..3 {
+            for (frame, together) in together.iter().enumerate() {
+                gpu.place(scene, &poses(scene, frame)).unwrap();
+                let _ = alone[scene].step_elsewhere().unwrap();
+                assert_eq!(
+                    alone[scene].capacitance(),
+                    &together[scene],
+                    "{tets}: scene {scene}, frame {frame}"
+                );
+            }
+        }
+    }
+}
+
+/// What is asked for in the wrong way or place is an error, never another number.
+#[test]
+fn what_does_not_fit_is_refused() {
+    let sensor = sensor(9_000, false, Wall::Grounded);
+    let camera =
+        Camera { view: OrthographicView { domain: DOMAIN, width: 16, height: 16 }, back_fill: false };
+    let objects = Objects { shapes: shapes()[..1].to_vec(), materials: vec![GROUNDED] };
+    let (gpu, mut simulator) = with_camera(&sensor, camera, &objects);
+    let layers = DepthLayers::empty(camera.view, 1);
+    let error = simulator.update(&layers).unwrap_err();
+    assert!(matches!(error, SimulatorError::NotForDevice(_)), "{error}");
+    let here = pose([0.0, 0.0, 0.1], DVec3::X, 0.0);
+    let bad = Pose { translation: DVec3::NAN, ..here };
+    assert!(matches!(gpu.place(0, &[bad]).unwrap_err(), RenderError::InvalidPose { object: 0 }));
+    assert!(matches!(gpu.place(0, &[]).unwrap_err(), RenderError::PoseCount { poses: 0, objects: 1 }));
+    assert!(gpu.place(1, &[here]).is_err(), "there is no such scene");
+    assert!(gpu.place(0, &[here]).unwrap() && !gpu.place(0, &[here]).unwrap());
+    let _ = simulator.step_elsewhere().unwrap();
+    let error = simulator.capacitance_to_ground().unwrap_err();
+    assert!(error.to_string().contains("not looked at"), "{error}");
+    let mut seen = layers;
+    let mut renderer = GpuRenderer::new(GpuOptions::default(), camera.view, &objects.shapes).unwrap();
+    renderer.render(&[here], &mut seen).unwrap();
+    simulator.look(&seen).unwrap();
+    let sum: f64 = simulator.capacitance().rows().next().unwrap().iter().sum();
+    let ground = simulator.capacitance_to_ground().unwrap()[0];
+    // Charges are linear in errors of potentials.
+    assert!((sum + ground).abs() < 5e-3 * sum, "{sum:e} {ground:e}");
+    let mut elsewhere = Simulator::new(sensor.clone(), vec![GROUNDED], OPTIONS).unwrap();
+    assert!(matches!(elsewhere.update_elsewhere().unwrap_err(), SimulatorError::NotForDevice(_)));
+    let problem = Simulator::remote_problem(&sensor, &[GROUNDED]).unwrap();
+    let of = |objects: Objects| GpuFields::with_camera((&problem, &sensor), camera, &[objects], true);
+    let crowd = Objects { shapes: vec![shapes()[0].clone(); 17], materials: vec![GROUNDED; 17] };
+    let error = of(crowd).unwrap_err();
+    assert!(matches!(error, RenderError::LimitExceeded { needed: 17, limit: 16, .. }), "{error}");
+    let uneven = Objects { materials: vec![], ..objects.clone() };
+    assert!(matches!(of(uneven).unwrap_err(), RenderError::PoseCount { .. }));
+    // Of another material than the device was told.
+    let fields = of(objects).unwrap().scene(0, 3).unwrap();
+    let other = vec![dielectric(3.0)];
+    let error = Simulator::with_remote(sensor, other, OPTIONS, Interface::EdgeCut, fields).unwrap_err();
+    assert!(error.to_string().contains("other materials"), "{error}");
 }
