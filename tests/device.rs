@@ -38,7 +38,7 @@ fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
     let other = |solver: &str| {
         let start = SCENE.find("tolerance = 1e-4").unwrap();
         let text = format!("{}{solver}\n", &SCENE[..start])
-            .replace("elements = 8000 }", "elements = 8000, kind = \"bisection\" }")
+            .replace("elements = 8000 }", "elements = 30000, kind = \"bisection\" }")
             .replace("\"grounded\"", "\"floating\"")
             .replace("geometry = \"camera\"", "geometry = \"solids\"");
         Scene::parse("device.toml", &text, Path::new(".")).unwrap()

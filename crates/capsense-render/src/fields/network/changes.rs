@@ -153,3 +153,43 @@ impl Network {
         (held as f32, weights.len() as u32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use capsense_core::solver::{HELD_AT_ZERO, NetworkRow, NetworkRows};
+
+    fn of<'a>(rows: &'a [NetworkRow], weights: &'a [f32]) -> Changes<'a> {
+        Changes { network: NetworkRows { rows, weights }, ..Changes::default() }
+    }
+
+    /// A chain of three nodes, stored from its end, of which the first is held in the end: its neighbour is told of, too, and which
+    /// of its own neighbours that is; the third is not.
+    #[test]
+    fn neighbours_of_what_is_taken_are_told_of() {
+        let mut network = Network::new(NetworkProblem {
+            offsets: vec![0, 1, 3, 4],
+            neighbours: vec![1, 2, 0, 1],
+            row_of_node: vec![2, 1, 0],
+            aggregates: Vec::new(),
+            columns: 1,
+        });
+        let row = |node, holder| NetworkRow { node, leak: 0.5, holder };
+        let all = [0, 1, 2].map(|node| row(node, NO_HOLDER));
+        let asked = Asked { allowed: &[1e-3], most_iterations: 7 };
+        let mut words = Vec::new();
+        assert!(network.take(&of(&all, &[3.0, 4.0, 3.0, 4.0])));
+        assert_eq!(network.tell(asked, &mut words), (3, false));
+        assert!(network.take(&of(&[row(0, HELD_AT_ZERO)], &[3.0])));
+        assert_eq!(network.tell(asked, &mut words), (2, false));
+        let at = HEADER + 1;
+        assert_eq!(words[..7], [at as u32, 2, words.len() as u32, 0, 0, 1, 7]);
+        let [of_first, of_second] = [0, 1].map(|record| &words[at + ROW * record..][..ROW]);
+        assert_eq!(of_first[..2], [2, HELD_AT_ZERO]);
+        assert_eq!(of_second[..4], [1, NO_HOLDER, 0.5_f32.to_bits(), 3.0_f32.to_bits()]);
+        assert_eq!(words[of_second[4] as usize..][..3], [4.0_f32.to_bits(), 3.0_f32.to_bits(), 0b10]);
+        // Nothing is told twice, and rows of another mesh are refused.
+        assert_eq!(network.tell(asked, &mut words), (0, false));
+        assert!(!network.take(&of(&[row(1, NO_HOLDER)], &[3.0])) && !network.take(&of(&[row(3, 0)], &[3.0])));
+    }
+}

@@ -89,12 +89,10 @@ impl Rows {
     }
 
     fn columns(&self) -> Vec<u32> {
-        let mut columns = vec![0; self.entries()];
+        let mut columns = Vec::with_capacity(self.entries());
         for (slice, ends) in self.slices.windows(2).enumerate() {
-            for entry in ends[0] as usize..ends[1] as usize {
-                let row = slice * SLICE + (entry - ends[0] as usize) % SLICE;
-                columns[entry] = row.min(self.around.len() - 1) as u32;
-            }
+            let row = |lane: usize| (slice * SLICE + lane).min(self.around.len() - 1) as u32;
+            columns.extend((0..(ends[1] - ends[0]) as usize).map(|entry| row(entry % SLICE)));
         }
         for (row, around) in self.around.iter().enumerate() {
             for (number, &other) in around.iter().enumerate() {
