@@ -51,7 +51,7 @@ fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
         let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
         assert!(ours.solve.launches > 0 && expected.solve.launches == 0);
         for (a, b) in ours.capacitance.rows().flatten().zip(expected.capacitance.rows().flatten()) {
-            assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e}");
+            assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e} {:?}", ours.solve);
         }
     }
 }

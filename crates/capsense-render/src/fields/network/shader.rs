@@ -2,9 +2,9 @@
 
 use super::launch::THREADS;
 use super::plan::MOST_LEVELS;
-use super::rules::{LANES, OMEGA, OVERCORRECTION, SWEEPS};
+use super::rules::{CAUTION, LANES, LEAST_RATIO, OMEGA, OVERCORRECTION, SWEEPS};
 use crate::fields::device::MOST_ITERATIONS;
-use crate::fields::iteration::{CAUTION, LEAST_RATIO, MOST_RATIO};
+use crate::fields::iteration::MOST_RATIO;
 
 /// The kernels for so many columns, of which so many workgroups share the finest level.
 pub(super) fn source(columns: usize, teams: u32) -> String {

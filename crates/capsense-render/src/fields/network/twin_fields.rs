@@ -2,9 +2,10 @@
 
 use super::changes::{Asked, Network};
 use super::plan::Plan;
+use super::rules::{CAUTION, LEAST_RATIO};
 use super::twin::Twin;
 use crate::fields::gpu::UNKNOWN;
-use crate::fields::iteration::to_come;
+use crate::fields::iteration::MOST_RATIO;
 use capsense_core::solver::{Changes, NetworkProblem, RemoteFields, RemoteSolution, SolveError};
 use std::sync::{Arc, Mutex};
 
@@ -20,6 +21,13 @@ impl TwinFields {
         let twin = Twin::new(Plan::new(&problem).unwrap());
         Self { twin: Arc::new(Mutex::new(twin)), network: Network::new(problem) }
     }
+}
+
+/// What the energy of one column may still fall by, after a step that lowered it by `drop`, and one before that by `before`.
+fn to_come(drop: f32, before: Option<f32>) -> f32 {
+    let Some(before) = before else { return f32::MAX };
+    let ratio = if before > 0.0 { (drop / before).clamp(LEAST_RATIO, MOST_RATIO) } else { MOST_RATIO };
+    CAUTION * drop * ratio / (1.0 - ratio)
 }
 
 impl RemoteFields for TwinFields {
