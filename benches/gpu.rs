@@ -1,4 +1,5 @@
-//! A frame on a graphics device beside one on the processor, and many scenes at once: `gpu_step` and `gpu_batch`.
+//! A frame on a graphics device beside one on the processor, of lattices and of other meshes, and many scenes at once: `gpu_step`,
+//! `gpu_network` and `gpu_batch`.
 //!
 //! Without a real graphics adapter there is nothing to time: kernels are compiled and run once in software, which says that
 //! they work, never how fast they are. `scripts/gpu.sh` makes a table of it.
@@ -10,11 +11,11 @@ use capsense::core::geometry::Pose;
 use capsense::core::glam::{DQuat, DVec3};
 use capsense::core::material::{Connection, Material};
 use capsense::core::occupancy::Interface;
-use capsense::core::sensor::Sensor;
+use capsense::core::sensor::{MeshKind, Sensor};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::render::RenderError;
-use capsense::render::fields::{Camera, GpuFields, Objects};
+use capsense::render::fields::{Camera, GpuFields, GpuNetwork, Objects, Traffic};
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -26,6 +27,8 @@ const BAR: Material = Material::Conductor(Connection::Grounded);
 const TETS: [usize; 4] = [24_000, 200_000, 1_500_000, 12_000_000];
 /// The largest that is run once in software, to count launches and bytes.
 const IN_SOFTWARE: usize = 200_000;
+/// Bisected meshes; in software the first is run once, with `CAPSENSE_BENCH_LARGE=1` all are.
+const NETWORK_TETS: [usize; 2] = [300_000, 1_000_000];
 const BATCH: (usize, usize) = (24_000, 256);
 
 /// The stripes of the other benches.
@@ -67,6 +70,41 @@ fn fields(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
     GpuFields::new(&problem, scenes, true)
 }
 
+/// Fields on a device, whatever the mesh.
+trait Counted {
+    fn is_software(&self) -> bool;
+    fn take_traffic(&self) -> Traffic;
+    fn description(&self) -> String;
+}
+
+impl Counted for GpuFields {
+    fn is_software(&self) -> bool {
+        self.is_software()
+    }
+
+    fn take_traffic(&self) -> Traffic {
+        self.take_traffic()
+    }
+
+    fn description(&self) -> String {
+        self.description()
+    }
+}
+
+impl Counted for GpuNetwork {
+    fn is_software(&self) -> bool {
+        self.is_software()
+    }
+
+    fn take_traffic(&self) -> Traffic {
+        self.take_traffic()
+    }
+
+    fn description(&self) -> String {
+        self.description()
+    }
+}
+
 /// The same scenes seen by a depth camera on the device, which finds the objects, too.
 fn with_camera(sensor: &Sensor, scenes: usize) -> Result<GpuFields, RenderError> {
     let problem = Simulator::remote_problem(sensor, &[BAR]).expect("the mesh is a lattice");
@@ -104,7 +142,7 @@ fn step_with_camera(
 }
 
 /// Frames after the first ones, as many as take some seconds; prints what they cost. In software, one.
-fn report(name: &str, gpu: &GpuFields, scenes: usize, mut frame: impl FnMut(usize)) {
+fn report(name: &str, gpu: &impl Counted, scenes: usize, mut frame: impl FnMut(usize)) {
     (0..3).for_each(&mut frame);
     let _ = gpu.take_traffic();
     let count = if gpu.is_software() { 1 } else { 100 };
@@ -183,6 +221,58 @@ fn gpu_step(criterion: &mut Criterion) {
     group.finish();
 }
 
+fn gpu_network(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("gpu_network");
+    group.sample_size(10);
+    for tets in NETWORK_TETS {
+        let sensor = Sensor::generated(&common::design(), MeshKind::Bisection, tets)
+            .expect("the stripes fit the domain");
+        let name = format!("{} bisected tetrahedra", sensor.mesh().tets().len());
+        let problem = Simulator::network_problem(&sensor, &[BAR], Interface::EdgeCut)
+            .expect("a bisected mesh is no lattice");
+        let gpu = match GpuNetwork::new(problem, true) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                println!("{name}: skipped, {error}");
+                return;
+            }
+        };
+        let options = common::solver_options(Some(1));
+        let fields = gpu.fields().expect("the fields are asked for once");
+        let on_gpu = Simulator::with_remote(sensor.clone(), vec![BAR], options, Interface::EdgeCut, fields);
+        let mut on_gpu = on_gpu.expect("the empty scene has a solution");
+        let mut solids = solids();
+        report(&name, &gpu, 1, |index| {
+            place(&mut solids, index);
+            let _ = on_gpu.step(&solids).expect("a frame is solved");
+        });
+        if gpu.is_software() && common::is_large() {
+            continue;
+        }
+        if gpu.is_software() {
+            println!("{name}: larger meshes and timing skipped, as there is no real graphics adapter");
+            break;
+        }
+        let mut index = 0;
+        group.bench_function(&name, |bencher| {
+            bencher.iter(|| {
+                index += 1;
+                place(&mut solids, index);
+                black_box(on_gpu.step(&solids).expect("a frame is solved"))
+            });
+        });
+        let mut on_cpu = Simulator::new(sensor, vec![BAR], options).expect("the empty scene has a solution");
+        group.bench_function(format!("{name}, one core of the processor"), |bencher| {
+            bencher.iter(|| {
+                index += 1;
+                place(&mut solids, index);
+                black_box(on_cpu.step(&solids).expect("a frame is solved"))
+            });
+        });
+    }
+    group.finish();
+}
+
 fn gpu_batch(criterion: &mut Criterion) {
     let (tets, scenes) = BATCH;
     let sensor = sensor(tets);
@@ -248,5 +338,5 @@ fn batch_with_camera(name: &str, sensor: &Sensor, scenes: usize) {
     });
 }
 
-criterion_group!(benches, gpu_step, gpu_batch);
+criterion_group!(benches, gpu_step, gpu_network, gpu_batch);
 criterion_main!(benches);

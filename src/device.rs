@@ -7,7 +7,7 @@ use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::RemoteProblem;
 use capsense_render::RenderError;
-use capsense_render::fields::{Camera, GpuFields, Objects};
+use capsense_render::fields::{Camera, GpuFields, GpuNetwork, Objects};
 
 /// What a scene asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,10 +32,37 @@ impl Device {
     }
 }
 
+/// The fields of a scene on a graphics adapter.
+#[derive(Debug)]
+pub(crate) enum Graphics {
+    /// Those of a lattice.
+    Lattice(GpuFields),
+    /// Those of any other mesh.
+    Network(GpuNetwork),
+}
+
+impl Graphics {
+    /// Those of a lattice, which may find the objects, too.
+    pub(crate) fn lattice(&self) -> Option<&GpuFields> {
+        match self {
+            Self::Lattice(fields) => Some(fields),
+            Self::Network(_) => None,
+        }
+    }
+
+    /// Name of the adapter and its driver.
+    pub(crate) fn description(&self) -> String {
+        match self {
+            Self::Lattice(fields) => fields.description(),
+            Self::Network(network) => network.description(),
+        }
+    }
+}
+
 /// A simulator, and the graphics device that its fields are on, if they are on one.
 pub(crate) struct Placed {
     pub(crate) simulator: Simulator,
-    pub(crate) gpu: Option<GpuFields>,
+    pub(crate) gpu: Option<Graphics>,
 }
 
 /// The simulator of a scene on the processor.
@@ -48,6 +75,14 @@ pub(crate) fn on_cpu(scene: &Scene, sensor: Sensor) -> Result<Placed, PipelineEr
 /// The simulator of a scene on a graphics adapter.
 pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Result<Placed, PipelineError> {
     let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
+    if sensor.lattice().is_none() {
+        let problem = Simulator::network_problem(&sensor, &materials, scene.interface)?;
+        let network = GpuNetwork::new(problem, allow_software).map_err(PipelineError::Device)?;
+        let fields =
+            network.fields().ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
+        let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
+        return Ok(Placed { simulator, gpu: Some(Graphics::Network(network)) });
+    }
     let problem = Simulator::remote_problem(&sensor, &materials)?;
     let gpu = match finding_objects(scene, &sensor, &problem, allow_software) {
         Some(gpu) => gpu,
@@ -58,7 +93,7 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
         .scene(0, problem.columns)
         .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
     let simulator = Simulator::with_remote(sensor, materials, scene.solver, scene.interface, fields)?;
-    Ok(Placed { simulator, gpu: Some(gpu) })
+    Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
 }
 
 /// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, solids of triangles, or

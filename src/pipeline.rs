@@ -1,6 +1,6 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
-use crate::device::{self, Device, Placed};
+use crate::device::{self, Device, Graphics, Placed};
 use crate::eye::Eye;
 use crate::scene::{Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
@@ -11,7 +11,6 @@ use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solids::SolidError;
 use capsense_core::solver::SolveReport;
 use capsense_render::RenderError;
-use capsense_render::fields::GpuFields;
 use serde::Serialize;
 use std::time::{Duration, Instant};
 
@@ -80,7 +79,7 @@ pub struct Pipeline {
     eye: Eye,
     simulator: Simulator,
     /// What the fields are on, if not on the processor.
-    gpu: Option<GpuFields>,
+    gpu: Option<Graphics>,
 }
 
 impl Pipeline {
@@ -136,7 +135,7 @@ impl Pipeline {
 
     fn of(scene: &Scene, placed: Placed) -> Result<Self, PipelineError> {
         let Placed { simulator, gpu } = placed;
-        let eye = Eye::of(scene, gpu.as_ref())?;
+        let eye = Eye::of(scene, gpu.as_ref().and_then(Graphics::lattice))?;
         let poses = Vec::with_capacity(scene.objects.len());
         Ok(Self { objects: scene.objects.clone(), frame_rate: scene.frame_rate, poses, eye, simulator, gpu })
     }
@@ -238,7 +237,7 @@ impl Pipeline {
 
     /// What computes the fields: `CPU`, or the name of a graphics adapter.
     pub fn device(&self) -> String {
-        self.gpu.as_ref().map_or_else(|| "CPU".to_owned(), GpuFields::description)
+        self.gpu.as_ref().map_or_else(|| "CPU".to_owned(), Graphics::description)
     }
 
     /// Whether a graphics adapter computes the fields.

@@ -1,33 +1,51 @@
 //! Simulators whose fields are elsewhere, on a graphics device say, which may find the objects, too.
 
-use super::{Simulator, SimulatorError, StepReport, may_float, refusal};
+use super::{Simulator, SimulatorError, StepReport, may_float, nothing_there, refusal};
 use crate::capacitance::own_potential;
 use crate::material::Material;
 use crate::occupancy::{Interface, Surfaces};
-use crate::sensor::Sensor;
-use crate::solver::{RemoteFields, RemoteProblem, SolverOptions};
+use crate::sensor::{FREE, Sensor};
+use crate::solver::{NetworkProblem, RemoteFields, RemoteProblem, SolverOptions};
+use crate::stiffness::StiffnessMatrix;
 
 /// The part of the tolerance that is asked of fields elsewhere where there are strong dielectrics: what the potential of such
 /// a body as a whole has ahead shows late, and nothing but iterations finds it there.
 const STRONG_ON_DEVICE: f64 = 0.1;
 
 impl Simulator {
-    /// What fields elsewhere are made for.
+    /// What fields elsewhere are made for where the mesh is a lattice.
     ///
     /// # Errors
     /// When the sensor's mesh is no lattice.
     pub fn remote_problem(sensor: &Sensor, materials: &[Material]) -> Result<RemoteProblem, SimulatorError> {
-        let columns = sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count();
+        let columns = columns(sensor, materials);
         let lattice = sensor.lattice().ok_or(SimulatorError::NotForDevice("the mesh is no lattice"))?;
         Ok(RemoteProblem { lattice: lattice.clone(), columns })
     }
 
-    /// [`Simulator::with_interface`] with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] tells of
-    /// this sensor and these materials.
+    /// What fields elsewhere are made for where it is none. It assembles the matrix of the empty scene.
     ///
     /// # Errors
-    /// As [`Simulator::new`], and when the sensor's mesh is no lattice, the fields are not made for it and these materials, the
-    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows, or what has
+    /// When the sensor's mesh is a lattice.
+    pub fn network_problem(
+        sensor: &Sensor,
+        materials: &[Material],
+        interface: Interface,
+    ) -> Result<NetworkProblem, SimulatorError> {
+        if sensor.lattice().is_some() {
+            return Err(SimulatorError::NotForDevice("the mesh is a lattice, which has a solver of its own"));
+        }
+        let (network, _) = nothing_there(sensor, materials, interface);
+        let matrix = StiffnessMatrix::new(network, sensor.mesh().nodes().len());
+        let fixed: Vec<bool> = sensor.terminals().iter().map(|&terminal| terminal != FREE).collect();
+        Ok(NetworkProblem::new(&matrix, &fixed, columns(sensor, materials)))
+    }
+
+    /// [`Simulator::with_interface`] with fields that are solved for elsewhere: on what [`Simulator::remote_problem`] or
+    /// [`Simulator::network_problem`] tells of this sensor and these materials.
+    ///
+    /// # Errors
+    /// As [`Simulator::new`], and when the fields are not made for the sensor and these materials, the preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows, or what has
     /// the fields finds objects of other materials by itself.
     pub fn with_remote(
         sensor: Sensor,
@@ -39,8 +57,8 @@ impl Simulator {
         let strong = if materials.iter().any(may_float) { STRONG_ON_DEVICE } else { 1.0 };
         let options = SolverOptions { tolerance: strong * options.tolerance, ..options };
         refusal::check_remote(&materials, &options)?;
-        let problem = Self::remote_problem(&sensor, &materials)?;
-        if [sensor.mesh().nodes().len(), problem.columns] != remote.shape() {
+        let shape = [sensor.mesh().nodes().len(), columns(&sensor, &materials)];
+        if shape != remote.shape() || sensor.lattice().is_none() != remote.is_of_network() {
             return Err(SimulatorError::NotForDevice(
                 "its fields were made for another mesh or other objects",
             ));
@@ -98,4 +116,9 @@ impl Simulator {
     pub fn announce_solve(&mut self) {
         self.fields.announce(&self.options);
     }
+}
+
+/// Number of fields: one for each electrode and for each object that finds its own potential.
+fn columns(sensor: &Sensor, materials: &[Material]) -> usize {
+    sensor.electrode_names().len() + materials.iter().filter_map(own_potential).count()
 }

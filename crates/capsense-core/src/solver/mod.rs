@@ -10,6 +10,7 @@ mod green;
 mod incomplete_cholesky;
 mod islands;
 mod lattice;
+mod network;
 mod operator;
 mod pcg;
 mod preconditioner;
@@ -20,10 +21,11 @@ pub(crate) use bracket::EdgeFields;
 pub(crate) use field_solver::FieldSolver;
 pub use incomplete_cholesky::{IncompleteCholesky, PatternError};
 pub(crate) use islands::CONTRAST;
+pub use network::{NO_AGGREGATE, NetworkProblem};
 pub use preconditioner::Preconditioner;
 pub use remote::{
-    Changes, Feed, Found, HELD_AT_ZERO, NO_HOLDER, NodeRow, RemoteFields, RemoteProblem, RemoteSolution,
-    of_links,
+    Changes, Feed, Found, HELD_AT_ZERO, NO_HOLDER, NetworkRow, NetworkRows, NodeRow, RemoteFields,
+    RemoteProblem, RemoteSolution, of_links,
 };
 pub(crate) use workers::Awake;
 

@@ -48,6 +48,27 @@ pub struct NodeRow {
     pub holder: u32,
 }
 
+/// The row of one node of a mesh that is no lattice, but for the weights to its neighbours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetworkRow {
+    /// Number of the node.
+    pub node: u32,
+    /// As in [`NodeRow`].
+    pub leak: f32,
+    /// As in [`NodeRow`].
+    pub holder: u32,
+}
+
+/// Rows of such a mesh.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NetworkRows<'a> {
+    /// The rows.
+    pub rows: &'a [NetworkRow],
+    /// Their weights to neighbours, row after row, each in the order of
+    /// [`NetworkProblem::neighbours`](super::NetworkProblem::neighbours).
+    pub weights: &'a [f32],
+}
+
 /// What the links of one node lead to: Σ w V over its links in one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feed {
@@ -60,10 +81,12 @@ pub struct Feed {
 }
 
 /// What differs from the frame before.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Changes<'a> {
-    /// Rows that changed. A node that is no longer held keeps its potential as a first guess.
+    /// Rows of a lattice that changed. A node that is no longer held keeps its potential as a first guess.
     pub rows: &'a [NodeRow],
+    /// Rows of any other mesh that did.
+    pub network: NetworkRows<'a>,
     /// Feeds that changed; those that were never told are zero.
     pub feeds: &'a [Feed],
     /// Columns whose fields are to start from zero where nothing holds them.
@@ -135,6 +158,11 @@ pub trait RemoteFields: Debug + Send {
     /// For how many nodes and columns these are.
     fn shape(&self) -> [usize; 2];
 
+    /// Whether the mesh is no lattice: rows are told as [`NetworkRows`].
+    fn is_of_network(&self) -> bool {
+        false
+    }
+
     /// What the objects are made of that it finds by itself, if it does. Then it is told of rows of the empty scene only, it keeps
     /// what objects make of them, and [`RemoteSolution::energies`] are all of the energies.
     fn finds(&self) -> Option<Vec<Material>> {
@@ -184,7 +212,7 @@ impl RemoteFields for NotCopied {
     }
 }
 
-/// The fields of a lattice that are elsewhere.
+/// Fields that are elsewhere.
 #[derive(Debug)]
 pub(crate) struct RemoteSolver {
     remote: Box<dyn RemoteFields>,
@@ -203,6 +231,8 @@ pub(crate) struct RemoteSolver {
     constant: Vec<f64>,
     /// Room for what changed.
     rows: Vec<NodeRow>,
+    network_rows: Vec<NetworkRow>,
+    weights: Vec<f32>,
     changed_feeds: Vec<Feed>,
     /// Why an update failed: the next solve tells.
     failed: Option<SolveError>,
@@ -226,6 +256,8 @@ impl Clone for RemoteSolver {
             is_changed: true,
             constant: self.constant.clone(),
             rows: Vec::new(),
+            network_rows: Vec::new(),
+            weights: Vec::new(),
             changed_feeds: Vec::new(),
             failed: self.failed.clone(),
             read: vec![OnceLock::new(); columns],
@@ -250,6 +282,8 @@ impl RemoteSolver {
             is_changed: true,
             constant: vec![0.0; columns * columns],
             rows: Vec::new(),
+            network_rows: Vec::new(),
+            weights: Vec::new(),
             changed_feeds: Vec::new(),
             failed: None,
             read: vec![OnceLock::new(); columns],
@@ -304,15 +338,25 @@ impl RemoteSolver {
     /// Tells of rows, and of all links.
     pub(crate) fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: &[u32]) {
         self.rows.clear();
-        self.rows.extend(changed.iter().map(|&node| {
+        self.network_rows.clear();
+        self.weights.clear();
+        for &node in changed {
             let row = node as usize;
             let holder = if fixed[row] { self.holders[row].unwrap_or(HELD_AT_ZERO) } else { NO_HOLDER };
-            let next = [0, 1, 2].map(|axis| matrix.lattice_weight(row, axis) as f32);
-            NodeRow { node, next, leak: matrix.link_weight(row) as f32, holder }
-        }));
+            let leak = matrix.link_weight(row) as f32;
+            if matrix.is_lattice() {
+                let next = [0, 1, 2].map(|axis| matrix.lattice_weight(row, axis) as f32);
+                self.rows.push(NodeRow { node, next, leak, holder });
+            } else {
+                self.network_rows.push(NetworkRow { node, leak, holder });
+                self.weights.extend(matrix.row(row).map(|(_, weight)| weight as f32));
+            }
+        }
         self.collect_feeds(matrix);
-        self.is_changed |= !(self.rows.is_empty() && self.changed_feeds.is_empty());
-        let changes = Changes { rows: &self.rows, feeds: &self.changed_feeds, emptied: &self.emptied };
+        self.is_changed |= !(changed.is_empty() && self.changed_feeds.is_empty());
+        let network = NetworkRows { rows: &self.network_rows, weights: &self.weights };
+        let changes =
+            Changes { rows: &self.rows, network, feeds: &self.changed_feeds, emptied: &self.emptied };
         self.failed = self.remote.update(changes).err().or(self.failed.take());
         self.emptied.clear();
     }
@@ -369,7 +413,7 @@ impl RemoteSolver {
             return Err(error);
         }
         if !self.emptied.is_empty() {
-            self.remote.update(Changes { rows: &[], feeds: &[], emptied: &self.emptied })?;
+            self.remote.update(Changes { emptied: &self.emptied, ..Changes::default() })?;
             self.emptied.clear();
         }
         let mut solution = self.remote.solve(allowed, max_iterations)?;

@@ -55,7 +55,6 @@ var<private> every: u32;
 var<private> thread: u32;
 var<private> team: u32;
 
-var<workgroup> shared_sums: array<f32, THREADS>;
 var<workgroup> shared_flag: u32;
 
 fn take_share(local: vec3<u32>, group: vec3<u32>, groups: vec3<u32>) {
@@ -73,49 +72,4 @@ fn take_share(local: vec3<u32>, group: vec3<u32>, groups: vec3<u32>) {
 fn wait() {
     storageBarrier();
     workgroupBarrier();
-}
-
-// Sum over the workgroup, the same for all its threads.
-fn sum_of_team(value: f32) -> f32 {
-    shared_sums[thread] = value;
-    workgroupBarrier();
-    for (var half = THREADS / 2u; half > 0u; half /= 2u) {
-        if (thread < half) { shared_sums[thread] += shared_sums[thread + half]; }
-        workgroupBarrier();
-    }
-    let sum = shared_sums[0];
-    workgroupBarrier();
-    return sum;
-}
-
-// Scratch: partial sums of r·z and p·Kp by workgroup, then for each iteration and column what it found.
-
-const OF_RZ: u32 = 0u;
-const OF_CURVATURE: u32 = TEAMS * COLUMNS;
-const OF_ENERGIES: u32 = 2u * TEAMS * COLUMNS;
-const NUMBERS: u32 = 2u * COLUMNS * COLUMNS + 2u * COLUMNS;
-const OF_RECORDS: u32 = OF_ENERGIES + TEAMS * NUMBERS;
-const RESULTS: u32 = NUMBERS + COLUMNS + 1u;
-
-fn total(partials: u32, column: u32) -> f32 {
-    var sum = 0.0;
-    for (var one = thread; one < TEAMS; one += THREADS) {
-        sum += scratch[in_scratch + partials + one * COLUMNS + column];
-    }
-    return sum_of_team(sum);
-}
-
-// r·z, the drop, what may still come, and whether the column goes on: of the iterations before `iteration`.
-fn record_at(iteration: u32, column: u32) -> u32 {
-    return in_scratch + OF_RECORDS + (iteration * COLUMNS + column) * 4u;
-}
-
-fn is_active(iteration: u32, column: u32) -> bool {
-    return scratch[record_at(iteration, column) + 3u] > 0.0;
-}
-
-fn any_active(iteration: u32) -> bool {
-    var any = false;
-    for (var column = 0u; column < COLUMNS; column++) { any = any || is_active(iteration, column); }
-    return any;
 }

@@ -2,7 +2,7 @@
 //! out, nothing else.
 
 use super::finder::{Finder, Finding};
-use super::launch::{Kernel, Launch, Sharing, Work, kernels};
+use super::launch::{Launch, Sharing, Work, kernels};
 use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
 use super::shader;
 use crate::adapter::Adapter;
@@ -13,7 +13,7 @@ use capsense_core::solver::Found;
 use std::time::Duration;
 
 /// Columns that can be told to start from zero.
-const MOST_COLUMNS: usize = 31;
+pub(super) const MOST_COLUMNS: usize = 31;
 
 /// Iterations that are kept account of.
 pub(super) const MOST_ITERATIONS: u32 = 30;
@@ -22,7 +22,7 @@ pub(super) const MOST_ITERATIONS: u32 = 30;
 const FRAME_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Launches are told apart by their place in a uniform buffer.
-const LAUNCH_STRIDE: u64 = 256;
+pub(super) const LAUNCH_STRIDE: u64 = 256;
 
 /// Words before the rows and feeds of all scenes: for each scene a header.
 pub(super) const HEADER: usize = 12;
@@ -71,6 +71,24 @@ pub(super) struct SceneResult {
     pub(super) found: Option<Found>,
 }
 
+impl SceneResult {
+    /// From the words that `collect` leaves, of so many columns.
+    pub(super) fn new(words: &[f32], columns: usize) -> Self {
+        let mut energies = vec![0.0; columns * columns];
+        for (s, t) in (0..columns).flat_map(|s| (s..columns).map(move |t| (s, t))) {
+            let at = 2 * (s * columns + t);
+            let energy = f64::from(words[at]) + f64::from(words[at + 1]);
+            (energies[s * columns + t], energies[t * columns + s]) = (energy, energy);
+        }
+        let (squares, rest) = words[2 * columns * columns..].split_at(2 * columns);
+        let (free, held) = squares.split_at(columns);
+        let ratios = free.iter().zip(held).filter(|(_, held)| **held > 0.0);
+        let residual = ratios.map(|(free, held)| f64::from(free / held).sqrt()).fold(0.0, f64::max);
+        let to_come = rest[..columns].iter().map(|&still| f64::from(still)).collect();
+        Self { energies, residual, to_come, iterations: rest[columns] as u32, found: None }
+    }
+}
+
 /// What frames cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
@@ -107,15 +125,16 @@ pub(super) struct FieldDevice {
     due: Vec<bool>,
 }
 
+/// What kernels read and write.
 #[derive(Debug)]
-struct Buffers {
-    maps: wgpu::Buffer,
-    networks: wgpu::Buffer,
-    vectors: wgpu::Buffer,
-    holders: wgpu::Buffer,
-    scratch: wgpu::Buffer,
-    changes: wgpu::Buffer,
-    results: wgpu::Buffer,
+pub(super) struct Buffers {
+    pub(super) maps: wgpu::Buffer,
+    pub(super) networks: wgpu::Buffer,
+    pub(super) vectors: wgpu::Buffer,
+    pub(super) holders: wgpu::Buffer,
+    pub(super) scratch: wgpu::Buffer,
+    pub(super) changes: wgpu::Buffer,
+    pub(super) results: wgpu::Buffer,
 }
 
 impl FieldDevice {
@@ -185,7 +204,8 @@ impl FieldDevice {
         let source = shader::source(columns, sharing.teams, finding);
         let kernels = kernels(finding.as_ref());
         let of_objects = finder.as_ref().map(|finder| &finder.layout);
-        let pipelines = pipelines(&adapter.device, [Some(&layout), of_objects], kernels, &source);
+        let entries: Vec<_> = kernels.iter().map(|kernel| kernel.entry()).collect();
+        let pipelines = pipelines(&adapter.device, [Some(&layout), of_objects], &entries, &source);
         let group = bind_group(&adapter.device, &layout, &launches, &uniform, &buffers);
         adapter.faults.check("preparing the kernels")?;
         Ok(Self {
@@ -311,8 +331,10 @@ impl FieldDevice {
             received: self.readback.size(),
             moved: 0,
         };
-        let mut results: Vec<_> =
-            words.chunks_exact(self.results_len).map(|words| self.result(words)).collect();
+        let mut results: Vec<_> = words
+            .chunks_exact(self.results_len)
+            .map(|words| SceneResult::new(words, self.plan.columns))
+            .collect();
         if let Some(finder) = self.finder.as_mut().filter(|_| finds) {
             let flags: Vec<u32> = flags.iter().map(|flag| flag.to_bits()).collect();
             for (scene, flags) in flags.chunks_exact(finder.flags_len).enumerate() {
@@ -322,22 +344,6 @@ impl FieldDevice {
             }
         }
         Ok((results, traffic))
-    }
-
-    fn result(&self, words: &[f32]) -> SceneResult {
-        let columns = self.plan.columns;
-        let mut energies = vec![0.0; columns * columns];
-        for (s, t) in (0..columns).flat_map(|s| (s..columns).map(move |t| (s, t))) {
-            let at = 2 * (s * columns + t);
-            let energy = f64::from(words[at]) + f64::from(words[at + 1]);
-            (energies[s * columns + t], energies[t * columns + s]) = (energy, energy);
-        }
-        let (squares, rest) = words[2 * columns * columns..].split_at(2 * columns);
-        let (free, held) = squares.split_at(columns);
-        let ratios = free.iter().zip(held).filter(|(_, held)| **held > 0.0);
-        let residual = ratios.map(|(free, held)| f64::from(free / held).sqrt()).fold(0.0, f64::max);
-        let to_come = rest[..columns].iter().map(|&still| f64::from(still)).collect();
-        SceneResult { energies, residual, to_come, iterations: rest[columns] as u32, found: None }
     }
 
     /// The potentials of all nodes of one scene in one column.
@@ -371,7 +377,11 @@ impl FieldDevice {
 }
 
 /// Waits for all that was submitted and takes a buffer's values.
-fn read(adapter: &Adapter, buffer: &wgpu::Buffer, doing: &'static str) -> Result<Vec<f32>, RenderError> {
+pub(super) fn read(
+    adapter: &Adapter,
+    buffer: &wgpu::Buffer,
+    doing: &'static str,
+) -> Result<Vec<f32>, RenderError> {
     let failed = |reason: String| RenderError::Driver { doing, reason };
     // Whether mapping succeeded is told by `get_mapped_range`.
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
@@ -391,6 +401,10 @@ pub(super) struct Reserve<'a> {
 }
 
 impl Reserve<'_> {
+    /// A buffer of so many bytes.
+    ///
+    /// # Errors
+    /// When they exceed the adapter's limits or its memory.
     pub(super) fn buffer(
         &self,
         label: &'static str,
@@ -440,7 +454,8 @@ fn told(plan: &Plan, sharing: &Sharing, scratch_len: usize, scenes: usize) -> Pl
 /// Two uniform buffers, then storage: which of it kernels write to.
 const WRITTEN: [bool; 7] = [false, true, true, true, true, false, true];
 
-fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+/// Two uniforms, the first of them a launch's, and the buffers.
+pub(super) fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let uniforms = [true, false].map(|has_dynamic_offset| wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Uniform,
         has_dynamic_offset,
@@ -464,7 +479,8 @@ fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     })
 }
 
-fn bind_group(
+/// What kernels are bound to.
+pub(super) fn bind_group(
     device: &wgpu::Device,
     layout: &wgpu::BindGroupLayout,
     launches: &wgpu::Buffer,
@@ -487,10 +503,11 @@ fn bind_group(
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("fields"), layout, entries: &entries })
 }
 
-fn pipelines(
+/// The kernels of these entry points.
+pub(super) fn pipelines(
     device: &wgpu::Device,
     layouts: [Option<&wgpu::BindGroupLayout>; 2],
-    kernels: &[Kernel],
+    entries: &[&str],
     source: &str,
 ) -> Vec<wgpu::ComputePipeline> {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -503,15 +520,15 @@ fn pipelines(
         bind_group_layouts: &layouts[..count],
         immediate_size: 0,
     });
-    let pipeline = |kernel: &Kernel| {
+    let pipeline = |entry: &&str| {
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(kernel.entry()),
+            label: Some(entry),
             layout: Some(&layout),
             module: &module,
-            entry_point: Some(kernel.entry()),
+            entry_point: Some(entry),
             compilation_options: Default::default(),
             cache: None,
         })
     };
-    kernels.iter().map(pipeline).collect()
+    entries.iter().map(pipeline).collect()
 }

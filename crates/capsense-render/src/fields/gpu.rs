@@ -14,11 +14,11 @@ use std::collections::HashSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Iterations of a solve of which nothing is known yet, and of the first go of others at least.
-const UNKNOWN: u32 = 12;
-const LEAST: u32 = 2;
+pub(super) const UNKNOWN: u32 = 12;
+pub(super) const LEAST: u32 = 2;
 
 /// Iterations that follow where those of the first go were not enough.
-const MORE: u32 = 2;
+pub(super) const MORE: u32 = 2;
 
 /// Whether there is a graphics adapter that is no software and computes.
 pub fn has_adapter() -> bool {
@@ -26,7 +26,7 @@ pub fn has_adapter() -> bool {
 }
 
 /// What an adapter must have.
-const NEEDS: (wgpu::DownlevelFlags, &str) =
+pub(super) const NEEDS: (wgpu::DownlevelFlags, &str) =
     (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
 
 /// The same to find objects, too.

@@ -11,6 +11,7 @@ mod finder;
 mod gpu;
 mod iteration;
 mod launch;
+mod network;
 #[cfg(test)]
 mod object_tests;
 mod plan;
@@ -27,3 +28,4 @@ mod twin_fields;
 pub use device::Traffic;
 pub use finder::{Camera, Objects};
 pub use gpu::{GpuFields, has_adapter};
+pub use network::GpuNetwork;

@@ -30,6 +30,7 @@ const MOST_RATIO: f32 = {MOST_RATIO}f;
     );
     let files = [
         include_str!("common.wgsl"),
+        include_str!("sums.wgsl"),
         include_str!("networks.wgsl"),
         include_str!("cycle.wgsl"),
         include_str!("iteration.wgsl"),

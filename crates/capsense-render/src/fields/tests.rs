@@ -298,7 +298,7 @@ impl RemoteFields for Poisoned {
     fn solve(&mut self, allowed: Option<&[f64]>, most: usize) -> Result<RemoteSolution, SolveError> {
         let charge = if *self.poisoned.lock().unwrap() { f32::NAN } else { 0.0 };
         let feeds = [Feed { node: 300, column: 1, charge }];
-        self.fields.update(Changes { rows: &[], feeds: &feeds, emptied: &[] })?;
+        self.fields.update(Changes { feeds: &feeds, ..Changes::default() })?;
         self.fields.solve(allowed, most)
     }
 

@@ -82,6 +82,17 @@ impl Stale {
     }
 }
 
+/// The row of each node in the solver's order, and for each level of the aggregation hierarchy that the matrix of the
+/// empty scene has, the aggregates of its rows.
+pub(super) fn aggregated(matrix: &StiffnessMatrix, fixed: &[bool]) -> (Vec<u32>, Vec<Vec<u32>>) {
+    let mut rows = Rows::new(matrix);
+    rows.refresh(matrix, fixed, 0..matrix.nodes() as u32);
+    let mut hierarchy = aggregation::Hierarchy::default();
+    hierarchy.refresh(&rows);
+    let row_of_node = (0..matrix.nodes()).map(|node| rows.row_of(node) as u32).collect();
+    (row_of_node, hierarchy.aggregates())
+}
+
 /// Does the same for both widths.
 macro_rules! for_width {
     ($solver:expr, $of:ident => $result:expr) => {

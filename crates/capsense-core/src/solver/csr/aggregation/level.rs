@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// No aggregate.
-pub(super) const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = crate::solver::NO_AGGREGATE;
 
 /// The network, with fixed nodes eliminated: their weights are leaks of their neighbours.
 #[derive(Clone, Debug)]

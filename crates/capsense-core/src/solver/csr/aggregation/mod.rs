@@ -69,6 +69,11 @@ impl Hierarchy {
         }
     }
 
+    /// The aggregate of each row of all levels but the coarsest.
+    pub(super) fn aggregates(&self) -> Vec<Vec<u32>> {
+        self.transfers.iter().map(|transfer| transfer.aggregate().to_vec()).collect()
+    }
+
     fn build(&mut self) {
         while let Some(fine) = self.levels.last().filter(|level| level.rows() > FEW_ROWS) {
             let (mut transfer, mut coarse) = Transfer::new(fine);

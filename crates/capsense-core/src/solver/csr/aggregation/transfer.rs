@@ -95,6 +95,11 @@ impl Transfer {
         (transfer, Level::new(Arc::new(pattern)))
     }
 
+    /// The aggregate of each fine row.
+    pub(super) fn aggregate(&self) -> &[u32] {
+        &self.aggregate
+    }
+
     /// Number of members of all aggregates.
     pub(super) fn count(&self) -> usize {
         self.members.numbers.len()
