@@ -84,7 +84,7 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
         return Ok(Placed { simulator, gpu: Some(Graphics::Network(network)) });
     }
     let problem = Simulator::remote_problem(&sensor, &materials)?;
-    let gpu = match with_camera(scene, &sensor, &problem, allow_software) {
+    let gpu = match finding_objects(scene, &sensor, &problem, allow_software) {
         Some(gpu) => gpu,
         None => GpuFields::new(&problem, 1, allow_software),
     };
@@ -96,24 +96,35 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
     Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
 }
 
-/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, seen by a depth camera, or
-/// are more than the adapter takes.
-fn with_camera(
+/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, solids of triangles, or
+/// more than the adapter takes.
+fn finding_objects(
     scene: &Scene,
     sensor: &Sensor,
     problem: &RemoteProblem,
     allow_software: bool,
 ) -> Option<Result<GpuFields, RenderError>> {
-    if !matches!(scene.geometry, Geometry::Camera) || scene.interface != Interface::EdgeCut {
+    if scene.interface != Interface::EdgeCut {
         return None;
     }
-    let camera = Camera { view: scene.view, back_fill: scene.back_fill };
     let objects = Objects {
         shapes: scene.objects.iter().map(|object| object.shape.clone()).collect(),
         materials: scene.objects.iter().map(|object| object.material).collect(),
     };
-    match GpuFields::with_camera((problem, sensor), camera, &[objects], allow_software) {
-        Err(RenderError::LimitExceeded { .. } | RenderError::OutOfMemory { .. }) => None,
+    let (of_sensor, objects) = ((problem, sensor), [objects]);
+    let gpu = match scene.geometry {
+        Geometry::Camera => {
+            let camera = Camera { view: scene.view, back_fill: scene.back_fill };
+            GpuFields::with_camera(of_sensor, camera, &objects, allow_software)
+        }
+        Geometry::Solids(_) => GpuFields::with_solids(of_sensor, &objects, allow_software),
+    };
+    match gpu {
+        Err(
+            RenderError::LimitExceeded { .. }
+            | RenderError::OutOfMemory { .. }
+            | RenderError::NotConvex { .. },
+        ) => None,
         fields => Some(fields),
     }
 }

@@ -8,13 +8,15 @@ use capsense_core::solids::Solids;
 use capsense_render::fields::GpuFields;
 use capsense_render::{Backend, DepthRenderer, RenderError};
 
-/// One of three ways.
+/// One of four ways.
 #[derive(Debug)]
 pub(crate) enum Eye {
     Camera(Box<Camera>),
     Solids(Solids),
     /// A depth camera on the device that has the fields.
     Device(Box<DeviceEye>),
+    /// Solids that the device that has the fields finds, and the same for who asks here.
+    SolidsOnDevice(GpuFields, Solids),
 }
 
 /// A depth camera and what it saw last.
@@ -47,7 +49,8 @@ impl Eye {
         let layers = DepthLayers::empty(scene.view, shapes.len());
         let back_fill = scene.back_fill;
         Ok(match (&scene.geometry, gpu.filter(|gpu| gpu.finds_objects())) {
-            (Geometry::Solids(solids), _) => Self::Solids(solids.clone()),
+            (Geometry::Solids(solids), None) => Self::Solids(solids.clone()),
+            (Geometry::Solids(solids), Some(gpu)) => Self::SolidsOnDevice(gpu.clone(), solids.clone()),
             (Geometry::Camera, None) => {
                 let renderer = DepthRenderer::new(Backend::Auto, scene.view, &shapes)?;
                 Self::Camera(Box::new(Camera { renderer, back_fill, layers }))
@@ -80,14 +83,23 @@ impl Eye {
                 Ok(true)
             }
             Self::Device(device) => Ok(device.place(poses)?),
+            Self::SolidsOnDevice(gpu, solids) => {
+                solids.place(poses)?;
+                Ok(gpu.place(0, poses)?)
+            }
         }
+    }
+
+    /// Whether the device that has the fields finds the objects.
+    pub(crate) fn is_on_device(&self) -> bool {
+        matches!(self, Self::Device(_) | Self::SolidsOnDevice(..))
     }
 
     /// What draws the objects; exact solids are not drawn.
     pub(crate) fn description(&self) -> &str {
         match self {
             Self::Camera(camera) => camera.renderer.description(),
-            Self::Solids(_) => "exact solids",
+            Self::Solids(_) | Self::SolidsOnDevice(..) => "exact solids",
             Self::Device(device) => &device.description,
         }
     }

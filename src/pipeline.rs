@@ -169,8 +169,8 @@ impl Pipeline {
         match &self.eye {
             Eye::Camera(camera) => self.simulator.update(&camera.layers).map(|_| ())?,
             Eye::Solids(solids) => self.simulator.update(solids).map(|_| ())?,
-            Eye::Device(_) if is_news => self.simulator.update_elsewhere()?,
-            Eye::Device(_) => {}
+            Eye::Device(_) | Eye::SolidsOnDevice(..) if is_news => self.simulator.update_elsewhere()?,
+            Eye::Device(_) | Eye::SolidsOnDevice(..) => {}
         }
         let updated = Instant::now();
         let solve = self.simulator.solve()?;
@@ -196,7 +196,7 @@ impl Pipeline {
         self.look()?;
         match &self.eye {
             Eye::Camera(camera) => simulator.update(&camera.layers)?,
-            Eye::Solids(solids) => simulator.update(solids)?,
+            Eye::Solids(solids) | Eye::SolidsOnDevice(_, solids) => simulator.update(solids)?,
             Eye::Device(device) => simulator.update(device.layers())?,
         };
         Ok(())
@@ -209,9 +209,10 @@ impl Pipeline {
     /// # Errors
     /// When the objects cannot be drawn.
     pub fn look(&mut self) -> Result<(), PipelineError> {
-        if let Eye::Device(device) = &mut self.eye {
-            let layers = device.look()?;
-            self.simulator.look(layers)?;
+        match &mut self.eye {
+            Eye::Device(device) => self.simulator.look(device.look()?)?,
+            Eye::SolidsOnDevice(_, solids) => self.simulator.look(solids)?,
+            Eye::Camera(_) | Eye::Solids(_) => {}
         }
         Ok(())
     }
@@ -224,7 +225,7 @@ impl Pipeline {
         self.look()?;
         Ok(match &self.eye {
             Eye::Camera(camera) => self.simulator.unresolved(&camera.layers),
-            Eye::Solids(solids) => self.simulator.unresolved(solids),
+            Eye::Solids(solids) | Eye::SolidsOnDevice(_, solids) => self.simulator.unresolved(solids),
             Eye::Device(device) => self.simulator.unresolved(device.layers()),
         })
     }
@@ -246,7 +247,7 @@ impl Pipeline {
 
     /// Whether a graphics adapter finds the objects, too: then the processor has nothing but poses to do with them.
     pub fn finds_objects_on_gpu(&self) -> bool {
-        matches!(self.eye, Eye::Device(_))
+        self.eye.is_on_device()
     }
 
     /// What the camera saw in the last frame, if there is one; where a graphics adapter finds the objects, when
@@ -255,7 +256,7 @@ impl Pipeline {
         match &self.eye {
             Eye::Camera(camera) => Some(&camera.layers),
             Eye::Device(device) => Some(device.layers()),
-            Eye::Solids(_) => None,
+            Eye::Solids(_) | Eye::SolidsOnDevice(..) => None,
         }
     }
 

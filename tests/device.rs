@@ -56,6 +56,35 @@ fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
     }
 }
 
+/// Solids are found on the device, and on the processor for who looks; those of triangles on the processor alone.
+#[test]
+fn solids_are_found_on_the_device_if_they_can_be() {
+    let text = |solver: &str| scene_text(solver).replace("geometry = \"camera\"", "geometry = \"solids\"");
+    let on = |text: &str| Pipeline::new(&Scene::parse("device.toml", text, Path::new(".")).unwrap()).unwrap();
+    let mut gpu = on(&text("tolerance = 1e-5\ndevice = \"gpu\""));
+    let mut cpu = on(&text("tolerance = 1e-9"));
+    assert!(gpu.finds_objects_on_gpu() && gpu.renderer() == "exact solids" && gpu.layers().is_none());
+    for frame in [0, 2, 2] {
+        let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
+        for (a, b) in ours.capacitance.rows().flatten().zip(expected.capacitance.rows().flatten()) {
+            assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e}");
+        }
+        assert_eq!(ours.changed_edges == 0, ours.solve.skipped);
+        assert_eq!(ours.changed_edges == 0, expected.changed_edges == 0);
+    }
+    let conductors = |pipeline: &Pipeline| pipeline.simulator().occupancy().conductors().to_vec();
+    assert!(conductors(&gpu) != conductors(&cpu));
+    gpu.look().unwrap();
+    assert!(conductors(&gpu) == conductors(&cpu));
+    assert_eq!(gpu.unresolved().unwrap(), cpu.unresolved().unwrap());
+    let forearm = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/objects/forearm.stl");
+    let text =
+        text("device = \"gpu\"").replace("box = { size = [0.15, 0.15, 0.04] }", "file = FILE\nunit = \"m\"");
+    let mut pipeline = on(&text.replace("FILE", &format!("{forearm:?}")));
+    assert!(pipeline.is_on_gpu() && !pipeline.finds_objects_on_gpu());
+    assert!(pipeline.frame(0).unwrap().changed_edges > 0);
+}
+
 /// Objects seen by a depth camera are found on the device, and on the processor for who looks.
 #[test]
 fn a_camera_on_the_device_sees_what_one_here_does() {

@@ -23,6 +23,14 @@ pub enum RenderError {
         /// What is wrong with its shape.
         source: TessellateError,
     },
+    /// An object is none of those that are found as solids.
+    #[error(
+        "object {object} is a triangle mesh; a graphics adapter finds boxes, spheres, capsules and cylinders as solids"
+    )]
+    NotConvex {
+        /// Index of the object.
+        object: usize,
+    },
     /// There are more or fewer poses than objects.
     #[error("{poses} poses for {objects} objects")]
     PoseCount {

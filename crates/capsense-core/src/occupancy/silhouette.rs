@@ -114,14 +114,16 @@ impl Tube {
     }
 
     /// What a conductor beside the edge makes of one end of it. `gaps` are the parts of the edge between this end and the
-    /// conductor, and between that and the other end.
-    fn link_beside(&self, gaps: [f64; 2], distance: f64) -> EndBeside {
+    /// conductor, and between that and the other end; `away` is how far the wall is, in parts of the box's width on that side.
+    fn link_beside(&self, gaps: [f64; 2], distance: f64, away: f64) -> EndBeside {
         let over =
             |along: f64| self.length / distance.hypot(along * self.length).max(SMALLEST_PART * self.length);
         let [gap, _] = gaps;
         if gap > 0.0 {
-            let fading = (2.0 * (1.0 - gap)).min(1.0);
-            EndBeside { taken: fading.min(4.0 * gap), link: fading * over(gap) }
+            // As the wall comes to the edge, this becomes what the edge rule makes of it.
+            let near = |part: f64| if part < 1.0 { part / (part + (1.0 - part) * away) } else { 1.0 };
+            let fading = near(2.0 * (1.0 - gap));
+            EndBeside { taken: fading * near(4.0 * gap), link: fading * over(gap) }
         } else {
             let length = 1.0 - gaps[1];
             EndBeside { taken: 0.0, link: (1.0 - 2.0 * length).max(0.0) * over(length) }
@@ -281,8 +283,9 @@ impl Scene<'_> {
         let covered = (place(found.exit).min(width) - start).max(0.0) / across.width();
         let part = covered * self.abruptness(framed, span, ray, middle);
         let [before, behind] = [span.enter, 1.0 - span.exit];
-        let from = tube.link_beside([before, behind], distance);
-        let to = tube.link_beside([behind, before], distance);
+        let away = (distance / width).clamp(0.0, 1.0);
+        let from = tube.link_beside([before, behind], distance, away);
+        let to = tube.link_beside([behind, before], distance, away);
         Beside { taken: part * from.taken.max(to.taken), links: [part * from.link, part * to.link] }
     }
 

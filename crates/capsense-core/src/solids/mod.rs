@@ -131,6 +131,16 @@ impl Solids {
         self.placed.extend(self.solids.iter().zip(poses).map(|(solid, pose)| solid.at(pose)));
         Ok(())
     }
+
+    /// Nested boxes around the lines where the surface of an object turns abruptly, in the object's frame, each before those
+    /// within it and with the number of the one after it and all within it: by these [`Surfaces::has_edge_in`] tells where edges
+    /// of round faces are.
+    ///
+    /// # Panics
+    /// When there is no such object.
+    pub fn boxes_around_edges(&self, object: usize) -> impl ExactSizeIterator<Item = (Aabb, u32)> {
+        self.solids[object].edges.boxes()
+    }
 }
 
 impl Solid {

@@ -101,6 +101,12 @@ impl SurfaceTree {
         tree
     }
 
+    /// The boxes in the solid's frame, as [`SurfaceTree::of_boxes`] takes them.
+    pub(super) fn boxes(&self) -> impl ExactSizeIterator<Item = (Aabb, u32)> {
+        let around = |node: &Node| Aabb { min: node.centre - node.half, max: node.centre + node.half };
+        self.nodes.iter().map(move |node| (around(node), node.exit))
+    }
+
     fn push(&mut self, bounds: Aabb, made_of: BVec3) -> usize {
         let (centre, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
         self.nodes.push(Node { centre, half, made_of, exit: self.nodes.len() as u32 + 1 });

@@ -27,6 +27,9 @@ pub(super) trait Operator {
     /// What [`Operator::descend`] told last.
     fn gains(&self) -> &[f64];
 
+    /// The part of it that the sweep on the finest level told, which sees errors of a few elements only.
+    fn finest_gains(&self) -> &[f64];
+
     /// Whether gains are told of all pairs, after so many steps, by an M that leaves little to guess. Where there are bodies
     /// of very high permittivity, several steps may leave much that it does not know of: measured with contrasts of a
     /// million, up to three and a half times the tolerance, and more from frame to frame.

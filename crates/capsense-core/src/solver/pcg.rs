@@ -7,7 +7,7 @@
 
 use super::demand::Demand;
 use super::energy_error::{EnergyError, ErrorRule, Step};
-use super::foresight::Foresight;
+use super::foresight::{Foresight, Gains};
 use super::operator::Operator;
 use super::{SolveError, SolveReport, SolverOptions};
 
@@ -138,7 +138,8 @@ impl ConjugateGradients {
         options: &SolverOptions,
         steps: usize,
     ) -> bool {
-        let (gains, energies) = (fields.gains(), &fields.state().energies);
+        let gains = Gains { all: fields.gains(), of_finest: fields.finest_gains() };
+        let energies = &fields.state().energies;
         self.foresight.note(steps, gains);
         if self.error.is_learning() || !fields.foretells(steps) {
             return false;

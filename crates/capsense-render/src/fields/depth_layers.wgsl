@@ -174,9 +174,13 @@ fn next_border_after(t: f32) -> f32 {
     return 1.0;
 }
 
-fn object_span(object: u32, a: vec3<f32>, b: vec3<f32>) -> Span {
-    let start_at = vec3<f32>(in_pixels(a), a.z);
-    let way = vec3<f32>(in_pixels(b), b.z) - start_at;
+// A camera knows of nothing else.
+fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling { return cut; }
+
+fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
+    let end = shift + along(edge);
+    let start_at = vec3<f32>(in_pixels(shift), shift.z);
+    let way = vec3<f32>(in_pixels(end), end.z) - start_at;
     start_borders(start_at.xy, start_at.xy + way.xy);
     var whole = MISSED;
     var start = 0.0;

@@ -2,7 +2,7 @@
 //! out, nothing else.
 
 use super::finder::{Finder, Finding};
-use super::launch::{KERNELS, Launch, OF_FIELDS, Sharing, Work};
+use super::launch::{Launch, Sharing, Work, kernels};
 use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
 use super::shader;
 use crate::adapter::Adapter;
@@ -118,6 +118,8 @@ pub(super) struct FieldDevice {
     results_len: usize,
     readback: wgpu::Buffer,
     changes: Vec<u32>,
+    /// What the launches were told last.
+    told: Vec<u8>,
     /// What finds objects, if they are found on the device, and the scenes in which it is to.
     pub(super) finder: Option<Finder>,
     due: Vec<bool>,
@@ -163,8 +165,13 @@ impl FieldDevice {
         let scratch_len = 2 * teams * columns + teams * numbers + records;
         let (finder, finding) = finder.unzip();
         let flags_len = finder.as_ref().map_or(0, |finder| finder.flags_len);
-        let most =
-            Work { iterations: 0..MOST_ITERATIONS, changed_rows: 1, empties: true, finds: finder.is_some() };
+        let most = Work {
+            iterations: 0..MOST_ITERATIONS,
+            changed_rows: 1,
+            empties: true,
+            finds: finder.is_some(),
+            is_exact: finding.is_some_and(|finding| finding.is_exact),
+        };
         let most_launches = sharing.launches(&plan, &most).len() as u64;
         use wgpu::BufferUsages as Usage;
         let reserve = Reserve { adapter: &adapter };
@@ -195,7 +202,7 @@ impl FieldDevice {
         adapter.queue.write_buffer(&buffers.holders, 0, bytemuck::cast_slice(&free));
         let layout = bind_group_layout(&adapter.device);
         let source = shader::source(columns, sharing.teams, finding);
-        let kernels = if finder.is_some() { &KERNELS[..] } else { &KERNELS[..OF_FIELDS] };
+        let kernels = kernels(finding.as_ref());
         let of_objects = finder.as_ref().map(|finder| &finder.layout);
         let entries: Vec<_> = kernels.iter().map(|kernel| kernel.entry()).collect();
         let pipelines = pipelines(&adapter.device, [Some(&layout), of_objects], &entries, &source);
@@ -215,6 +222,7 @@ impl FieldDevice {
             results_len,
             readback,
             changes: Vec::new(),
+            told: Vec::new(),
             finder,
             due: vec![false; scenes],
         })
@@ -281,14 +289,20 @@ impl FieldDevice {
     ) -> Result<(Vec<SceneResult>, Traffic), RenderError> {
         let finds = iterations.start == 0 && self.due.contains(&true);
         // Whether an object is nowhere is known on the device only.
-        let empties = empties || self.finder.is_some();
-        let work = Work { iterations, changed_rows: most_rows as u32, empties, finds };
+        let empties = empties || self.finder.as_ref().is_some_and(Finder::has_columns);
+        let is_exact = self.finder.as_ref().is_some_and(Finder::is_exact);
+        let work = Work { iterations, changed_rows: most_rows as u32, empties, finds, is_exact };
         let launches = self.sharing.launches(&self.plan, &work);
         let mut told = vec![0_u8; LAUNCH_STRIDE as usize * launches.len()];
         for (bytes, (_, launch, _)) in told.chunks_exact_mut(LAUNCH_STRIDE as usize).zip(&launches) {
             bytes[..size_of::<Launch>()].copy_from_slice(bytemuck::bytes_of(launch));
         }
-        self.adapter.queue.write_buffer(&self.launches, 0, &told);
+        // Frames that are alike have the same launches.
+        let is_told = self.told == told;
+        if !is_told {
+            self.adapter.queue.write_buffer(&self.launches, 0, &told);
+            self.told = told;
+        }
         let mut encoder = self.adapter.device.create_command_encoder(&Default::default());
         if let Some(finder) = self.finder.as_ref().filter(|_| finds) {
             finder.draw(&self.due, &mut encoder);
@@ -313,7 +327,7 @@ impl FieldDevice {
         let (words, flags) = words.split_at(self.results_len * self.scenes);
         let traffic = Traffic {
             launches: launches.len(),
-            sent: told.len() as u64,
+            sent: if is_told { 0 } else { self.told.len() as u64 },
             received: self.readback.size(),
             moved: 0,
         };

@@ -3,8 +3,10 @@
 // Points and spans are those of the file before this one, a geometry source, which has
 //     fn set_anchor(place: vec3<u32>)
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
-//     fn object_span(object: u32, a: vec3<f32>, b: vec3<f32>) -> Span
-// all points relative to the anchor, a node given by its planes, in metres.
+//     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
+//     fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling
+// all points and shifts relative to the anchor, a node given by its planes, in metres. The last tells what else a source knows to be
+// around an edge of which surfaces on it leave `cut`.
 
 // No edge is shortened to less than this part of its length.
 const SMALLEST_PART: f32 = 1e-3f;
@@ -100,6 +102,9 @@ fn edge_rule(owners: vec2<u32>, background: f32) -> Coupling {
 // An edge of the lattice: its first node, its axis, and its length.
 struct Edge { place: vec3<u32>, axis: u32, length: f32 }
 
+// An edge with its ends, the conductors that hold these, the background's permittivity, and what fills it.
+struct Surroundings { edge: Edge, ends: vec2<u32>, owners: vec2<u32>, background: f32, on_edge: array<Span, OBJECTS> }
+
 fn along(edge: Edge) -> vec3<f32> {
     var way = vec3<f32>();
     way[edge.axis] = edge.length;
@@ -112,7 +117,7 @@ fn find_spans(edge: Edge, shift: vec3<f32>) -> bool {
     for (var object = 0u; object < objects; object++) {
         spans[object] = MISSED;
         if (is_beside(object, edge)) {
-            spans[object] = object_span(object, shift, shift + along(edge));
+            spans[object] = object_span(object, edge, shift);
             is_any = is_any || is_met(object);
         }
     }

@@ -108,8 +108,23 @@ impl GpuFields {
     ) -> Result<Self, RenderError> {
         let (flags, needs) = NEEDS_FOR_OBJECTS;
         let adapter = Adapter::open("capsense fields", allow_software, (NEEDS.0 | flags, needs))?;
-        let finder = Finder::new(&adapter, sensor, camera, scenes)?;
-        Self::on(adapter, problem, scenes.len(), Some((finder, Finding::of(scenes))))
+        let finder = Finder::new(&adapter, sensor, Some(camera), scenes)?;
+        Self::on(adapter, problem, scenes.len(), Some((finder, Finding::of(scenes, false))))
+    }
+
+    /// The same for objects that are solids, boxes, spheres, capsules and cylinders: what edges and round surfaces of
+    /// conductors make of nodes near them is found on the device, too.
+    ///
+    /// # Errors
+    /// As [`GpuFields::with_camera`], and when an object is a triangle mesh.
+    pub fn with_solids(
+        (problem, sensor): (&RemoteProblem, &Sensor),
+        scenes: &[Objects],
+        allow_software: bool,
+    ) -> Result<Self, RenderError> {
+        let adapter = Adapter::open("capsense fields", allow_software, NEEDS)?;
+        let finder = Finder::new(&adapter, sensor, None, scenes)?;
+        Self::on(adapter, problem, scenes.len(), Some((finder, Finding::of(scenes, true))))
     }
 
     fn on(

@@ -1,5 +1,6 @@
 //! Which kernels are launched for a frame, in what order, and with how many workgroups.
 
+use super::finder::Finding;
 use super::plan::Plan;
 use super::rules::SWEEPS;
 use bytemuck::{Pod, Zeroable};
@@ -51,10 +52,11 @@ pub(super) enum Kernel {
     Whole,
     Holders,
     Rows,
+    Wedges,
 }
 
-/// All of them; the last two only where objects are found on the device.
-pub(super) const KERNELS: [Kernel; 18] = [
+/// All of them; the last three only where objects are found on the device, and the very last where they are solids.
+pub(super) const KERNELS: [Kernel; 19] = [
     Kernel::Empty,
     Kernel::Changes,
     Kernel::Coarsen,
@@ -73,10 +75,20 @@ pub(super) const KERNELS: [Kernel; 18] = [
     Kernel::Whole,
     Kernel::Holders,
     Kernel::Rows,
+    Kernel::Wedges,
 ];
 
 /// The kernels that need no objects.
-pub(super) const OF_FIELDS: usize = 16;
+const OF_FIELDS: usize = 16;
+
+/// The kernels that there are.
+pub(super) fn kernels(finding: Option<&Finding>) -> &'static [Kernel] {
+    match finding {
+        None => &KERNELS[..OF_FIELDS],
+        Some(Finding { is_exact: false, .. }) => &KERNELS[..KERNELS.len() - 1],
+        Some(Finding { is_exact: true, .. }) => &KERNELS,
+    }
+}
 
 /// What is launched for: some iterations, and before the first of them what is told and found.
 #[derive(Clone, Debug)]
@@ -86,8 +98,9 @@ pub(super) struct Work {
     pub(super) changed_rows: u32,
     /// Whether fields may have to start from zero.
     pub(super) empties: bool,
-    /// Whether objects of a scene are to be found.
+    /// Whether objects of a scene are to be found, and whether as solids.
     pub(super) finds: bool,
+    pub(super) is_exact: bool,
 }
 
 impl Kernel {
@@ -112,6 +125,7 @@ impl Kernel {
             Self::Whole => "whole_scene",
             Self::Holders => "step_holders",
             Self::Rows => "step_rows",
+            Self::Wedges => "step_wedges",
         }
     }
 }
@@ -147,7 +161,11 @@ impl Sharing {
         if first == 0 && work.finds {
             // Shared out among all workgroups even where one does the rest.
             let nodes = groups(plan.grids[0].nodes);
-            all.extend([(Kernel::Holders, none, nodes), (Kernel::Rows, none, nodes)]);
+            all.push((Kernel::Holders, none, nodes));
+            if work.is_exact {
+                all.push((Kernel::Wedges, none, nodes));
+            }
+            all.push((Kernel::Rows, none, nodes));
         }
         if self.is_whole {
             all.push((Kernel::Whole, Launch { iteration: first, end, ..none }, 1));

@@ -17,6 +17,7 @@ mod object_tests;
 mod plan;
 mod rules;
 mod shader;
+mod solids;
 #[cfg(test)]
 mod tests;
 #[cfg(test)]

@@ -349,6 +349,12 @@ fn scenes_of_a_batch_have_the_bits_of_each_alone() {
             let capacitances = batch.simulators().iter().map(|one| one.capacitance().clone());
             together.push(capacitances.collect::<Vec<_>>());
         }
+        // A touch is told of the scene that it is in; the others were not placed again.
+        assert!(gpu.place(2, &[pose([0.0, 0.0, 0.03], DVec3::X, 0.0)]).unwrap());
+        let reports = batch.step_elsewhere();
+        assert!(reports.iter().all(Result::is_ok), "{reports:?}");
+        let touched: Vec<usize> = batch.simulators().iter().map(|one| one.contacts().len()).collect();
+        assert_eq!(touched, [0, 0, 1], "{tets}");
         let (gpu, alone) = batch_of(&sensor, camera, &objects);
         let mut alone = alone.into_simulators();
         for scene in 0..3 {

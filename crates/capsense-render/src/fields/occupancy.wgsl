@@ -4,7 +4,7 @@
 struct Lattice {
     planes_at: vec3<u32>, nodes_at: u32,
     weights_at: u32, permittivity_at: u32, permittivity_stride: u32, electrodes: u32,
-    links_at: u32, flags_len: u32, padding: vec2<u32>,
+    links_at: u32, flags_len: u32, alike_at: u32, padding: u32,
 }
 struct Camera { size: vec2<u32>, pixels_per_metre: vec2<f32>, depths: vec2<f32>, jump: f32, back_fill: u32 }
 // The part of a segment in an object, from 0 to 1; nothing where `enter` is more than `leave`.
@@ -34,8 +34,8 @@ const OWN: u32 = 9u;
 const IS_SEEN: u32 = 1u;
 const IS_CONDUCTOR: u32 = 2u;
 
-// A node's words in `found`: the conductor that holds it, and what its three edges are like, to tell whether they change.
-const FOUND: u32 = 4u;
+// A node's words in `found`, FOUND of them: the conductor that holds it, what its three edges are like, to tell whether they
+// change, and what a geometry source keeps there.
 // A scene's flags: a bit for each column whose object is there, the number of edges that changed, and a bit for each object and
 // electrode that touch.
 const PRESENT: u32 = 0u;
@@ -126,6 +126,7 @@ fn coupling_of(grid: Grid, place: vec3<u32>, axis: u32, is_own: bool) -> Couplin
     let background = background_at(axis, node);
     set_anchor(place);
     let is_any = find_spans(edge, vec3<f32>());
+    let around = Surroundings(edge, ends, owners, background, spans);
     let electrodes = vec2<u32>(owner_of(ends.x), owner_of(ends.y));
     if (is_own && is_any) { note_contacts(electrodes); }
     let is_free = all(owners == vec2<u32>(NO_OBJECT));
@@ -136,7 +137,7 @@ fn coupling_of(grid: Grid, place: vec3<u32>, axis: u32, is_own: bool) -> Couplin
         let through = along_lines(edge, background, is_along);
         if (through >= 0.0) { return only_through(through); }
     }
-    return cut;
+    return with_surroundings(around, cut);
 }
 
 // Conductors that fill an edge up to an end that an electrode has.

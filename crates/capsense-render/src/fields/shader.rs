@@ -1,10 +1,11 @@
 //! The kernels' source, with the numbers that they need to know when they are compiled.
 
 use super::device::HEADER;
-use super::finder::{Finding, OBJECT_WORDS};
+use super::finder::Finding;
 use super::iteration::{CAUTION, LEAST_RATIO, MOST_RATIO};
 use super::plan::{MOST_GRIDS, MOST_LEVELS};
 use super::rules::{FIXED, OVERCORRECTION, ROUNDING, SWEEPS};
+use super::solids;
 
 /// The kernels for so many columns, of which so many workgroups share a scene's finest level, with those that find objects if
 /// these are found on the device.
@@ -37,18 +38,21 @@ const MOST_RATIO: f32 = {MOST_RATIO}f;
     ];
     let of_objects = match finding {
         None => "fn absent_columns() -> u32 { return 0u; }".to_owned(),
-        Some(Finding { objects, has_weak }) => {
+        Some(finding) => {
+            let Finding { objects, has_weak, is_exact } = finding;
+            let (object_words, found_words) = (finding.object_words(), finding.found_words());
             let constants = format!(
                 "const OBJECTS: u32 = {objects}u;
-const OBJECT_WORDS: u32 = {OBJECT_WORDS}u;
+const OBJECT_WORDS: u32 = {object_words}u;
+const FOUND: u32 = {found_words}u;
 const HAS_WEAK: bool = {has_weak};
 "
             );
-            let files = [
-                include_str!("depth_layers.wgsl"),
-                include_str!("edge_rule.wgsl"),
-                include_str!("occupancy.wgsl"),
-            ];
+            let source = match is_exact {
+                true => solids::source() + include_str!("solids/found_solids.wgsl"),
+                false => include_str!("depth_layers.wgsl").to_owned(),
+            };
+            let files = [&source, include_str!("edge_rule.wgsl"), include_str!("occupancy.wgsl")];
             constants + &files.join("\n")
         }
     };
@@ -58,19 +62,21 @@ const HAS_WEAK: bool = {has_weak};
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fields::launch::{KERNELS, OF_FIELDS};
+    use crate::fields::launch::{KERNELS, kernels};
 
     /// Needs no GPU: the kernels are valid WGSL, and there is one for each step.
     #[test]
     fn the_kernels_are_valid() {
-        let finding = |objects, has_weak| Some(Finding { objects, has_weak });
+        let finding = |objects, has_weak, is_exact| Some(Finding { objects, has_weak, is_exact });
         let all = [
             (1, 1, None),
             (3, 512, None),
             (31, 7, None),
-            (1, 1, finding(1, false)),
-            (3, 512, finding(2, true)),
-            (31, 7, finding(16, true)),
+            (1, 1, finding(1, false, false)),
+            (1, 1, finding(1, false, true)),
+            (3, 512, finding(2, true, true)),
+            (31, 7, finding(16, true, false)),
+            (31, 7, finding(16, true, true)),
         ];
         for (columns, teams, finding) in all {
             let source = source(columns, teams, finding);
@@ -83,7 +89,7 @@ mod tests {
             if let Err(error) = validator.validate(&module) {
                 panic!("{}", error.emit_to_string(&source));
             }
-            let kernels = if finding.is_some() { &KERNELS[..] } else { &KERNELS[..OF_FIELDS] };
+            let kernels = kernels(finding.as_ref());
             let mut entries: Vec<_> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
             let mut named: Vec<_> = kernels.iter().map(|kernel| kernel.entry()).collect();
             entries.sort_unstable();

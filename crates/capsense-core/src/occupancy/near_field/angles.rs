@@ -50,6 +50,8 @@ impl RightAngles {
         let corner = half.copysign(local);
         let turn = &self.sensor_from_object.matrix3;
         let side = DVec3::ONE.copysign(local);
+        let nearest = distances.min_element();
+        let second = distances.element_sum() - nearest - distances.max_element();
         let (place, inside, across, normals) = if distances.x <= distances.y && distances.x <= distances.z {
             let place = DVec3::new(local.x, corner.y, corner.z);
             (place, -outside.x, half.y.min(half.z), [turn.y_axis * side.y, turn.z_axis * side.z])
@@ -63,7 +65,7 @@ impl RightAngles {
         RightAngle {
             place: self.sensor_from_object.transform_point3(place),
             normals,
-            inside,
+            inside: if inside > 0.0 { inside.min((second - nearest) / inside) } else { inside },
             radius: f64::INFINITY,
             thickness: 2.0 * across,
             breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),

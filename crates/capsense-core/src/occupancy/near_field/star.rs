@@ -27,6 +27,8 @@ struct Plane {
     reach: f64,
     /// Half of the way from one neighbour to the other.
     width: f64,
+    /// By how much the way to the neighbour above is longer than that to the one below.
+    skew: f64,
     /// The ways to the nearer and to the farther neighbour.
     narrowest: f64,
     longest: f64,
@@ -59,6 +61,7 @@ impl Plane {
             inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),
+            skew: above - below,
             narrowest,
             longest,
             sides: u8::from(below > 0.0) | u8::from(above > 0.0) << 1,
@@ -174,10 +177,12 @@ impl Star<'_> {
         x.sides | y.sides << 2 | z.sides << 4
     }
 
-    /// The area of the dual face of an edge along an axis.
+    /// The area of the dual face of an edge along an axis: its weight in air times its length. Of Kuhn's tetrahedra, cells on
+    /// the diagonal from below to above count by a third, the other two by a sixth.
     #[inline]
     pub(super) fn area(&self, axis: usize) -> f64 {
-        self.planes[(axis + 1) % 3].width * self.planes[(axis + 2) % 3].width
+        let [a, b] = [1, 2].map(|next| self.planes[(axis + next) % 3]);
+        a.width * b.width + a.skew * b.skew / 12.0
     }
 
     /// The way to the farthest neighbour.

@@ -36,9 +36,11 @@ pub(super) enum Preconditioned<const L: usize> {
     Work(Work<L>),
 }
 
-/// What is known of one group before z is: of pairs of columns what M gains, and the residuals' squares.
+/// What is known of one group before z is: of pairs of columns what M gains and what of that the sweep on the finest level
+/// gained, and the residuals' squares.
 pub(super) struct Told<const L: usize> {
     pub(super) gains: [[f64; L]; L],
+    pub(super) of_finest: [[f64; L]; L],
     pub(super) residual: Option<[f64; L]>,
 }
 
@@ -122,8 +124,8 @@ impl<const L: usize> Inverse<L> {
     ) -> Told<L> {
         let own = match (&self.kind, &mut self.preconditioned[group]) {
             (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => {
-                let Gains { products, squares } = hierarchy.descend(kx, work, workers);
-                return Told { gains: products, residual: Some(squares) };
+                let [of_finest, Gains { products, squares }] = hierarchy.descend(kx, work, workers);
+                return Told { gains: products, of_finest: of_finest.products, residual: Some(squares) };
             }
             (Kind::IncompleteCholesky(factors), Preconditioned::Double(z)) => {
                 substitute(factors, rows.fixed(), kx, z)
@@ -135,7 +137,7 @@ impl<const L: usize> Inverse<L> {
         };
         let mut gains = [[0.0; L]; L];
         (0..L).for_each(|lane| gains[lane][lane] = own[lane]);
-        Told { gains, residual: None }
+        Told { gains, of_finest: gains, residual: None }
     }
 
     /// The second half of a cycle: z = M (-kx).

@@ -54,6 +54,7 @@ pub(crate) struct Solver<const L: usize> {
     state: State,
     /// RᵀMR of all pairs of columns; with several groups only of pairs in one.
     gains: Vec<f64>,
+    finest_gains: Vec<f64>,
     /// zᵀKz and zᵀKp of each column.
     products: [Vec<f64>; 2],
     /// Rows in which K x is not what K and x say.
@@ -192,6 +193,10 @@ impl Operator for CsrSolver {
         for_width!(self, of => &of.gains)
     }
 
+    fn finest_gains(&self) -> &[f64] {
+        for_width!(self, of => &of.finest_gains)
+    }
+
     fn foretells(&self, steps: usize) -> bool {
         for_width!(self, of => of.foretells(steps))
     }
@@ -231,6 +236,7 @@ impl<const L: usize> Solver<L> {
             state: State::new(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
             gains: vec![0.0; columns * columns],
+            finest_gains: vec![0.0; columns * columns],
             stale: Stale { rows: Vec::new(), marked: vec![false; nodes] },
         }
     }
@@ -327,11 +333,14 @@ impl<const L: usize> Solver<L> {
     fn descend(&mut self) {
         for index in 0..self.groups.len() {
             let kx = &self.groups[index].kx;
-            let Told { gains, residual } = self.inverse.descend(index, &self.rows, kx, &self.workers);
+            let Told { gains, of_finest, residual } =
+                self.inverse.descend(index, &self.rows, kx, &self.workers);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 let (row, column) = (index * L + s, index * L + t);
                 if row < self.columns && column < self.columns {
-                    self.gains[row * self.columns + column] = 0.5 * (gains[s][t] + gains[t][s]);
+                    let at = row * self.columns + column;
+                    self.gains[at] = 0.5 * (gains[s][t] + gains[t][s]);
+                    self.finest_gains[at] = 0.5 * (of_finest[s][t] + of_finest[t][s]);
                 }
             }
             if let Some(residual) = residual {

@@ -123,6 +123,7 @@ impl Stage {
         let (place, n, along) = (fine.index([nodes.start, j, k]), nodes.len(), &fine.next[self.axis]);
         let before = place - fine.strides[self.axis];
         let weights = [&along[before..before + n], &along[place..place + n], &fine.leak[place..place + n]];
+        let place = self.previous.place([nodes.start, j, k]);
         let shares = [&mut self.previous.values[place..place + n], &mut self.next.values[place..place + n]];
         let are_others = divide_value(simd, &room.exists[..n], weights, shares);
         if are_others {
@@ -190,25 +191,31 @@ impl Stage {
         let [to_first, to_second] = across;
         let along = &fine.next[self.axis];
         if has_next {
-            let place = own + stride;
+            let (place, in_shares) = (own + stride, self.previous.place(beside(at, self.axis, plane + 1)));
             let eliminated = Eliminated {
                 exists,
                 along: &along[own..own + n],
                 across: weights_across(fine, others, place, n),
                 shares: [&self.previous, &self.next],
-                place,
+                place: in_shares,
             };
             eliminated.add(simd, others, [&mut *to_first, &mut *to_second], leak, after);
-            put_in_series(simd, exists, &self.next.values[place..place + n], after, &mut series[here]);
+            put_in_series(
+                simd,
+                exists,
+                &self.next.values[in_shares..in_shares + n],
+                after,
+                &mut series[here],
+            );
         }
         if has_previous {
-            let place = own - stride;
+            let (place, in_shares) = (own - stride, self.previous.place(beside(at, self.axis, plane - 1)));
             let eliminated = Eliminated {
                 exists,
                 along: &along[place..place + n],
                 across: weights_across(fine, others, place, n),
                 shares: [&self.next, &self.previous],
-                place,
+                place: in_shares,
             };
             eliminated.add(simd, others, [to_first, to_second], leak, before);
         }
@@ -299,6 +306,13 @@ impl Eliminated<'_> {
             divide_weights(simd, across, weight, leak, along);
         }
     }
+}
+
+/// A node in another plane across an axis.
+#[inline(always)]
+fn beside(mut node: [usize; 3], axis: usize, plane: usize) -> [usize; 3] {
+    node[axis] = plane;
+    node
 }
 
 /// The weights from the nodes before and to the nodes after some successive ones, along two axes.

@@ -35,9 +35,9 @@ struct Extent<S: Simd> {
 /// Where numbers of a row changed.
 #[derive(Clone, Debug)]
 pub(super) struct Taken {
-    pub(super) any: Range<usize>,
+    pub(super) any: Range<u32>,
     /// The weight to the next node along each axis.
-    pub(super) next: [Range<usize>; 3],
+    pub(super) next: [Range<u32>; 3],
 }
 
 /// The shares of eliminated nodes in the nodes before and after them, from their weights to these and their leak. Returns
@@ -236,7 +236,7 @@ impl<S: Simd> Extent<S> {
     }
 
     #[inline(always)]
-    fn range(self, simd: S) -> Range<usize> {
-        simd.reduce_min_f32s(self.first) as usize..(simd.reduce_max_f32s(self.last) + 1.0) as usize
+    fn range(self, simd: S) -> Range<u32> {
+        simd.reduce_min_f32s(self.first) as u32..(simd.reduce_max_f32s(self.last) + 1.0) as u32
     }
 }

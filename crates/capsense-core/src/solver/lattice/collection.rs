@@ -31,7 +31,7 @@ pub(super) struct Made {
 pub(super) struct Room {
     pub(super) row: CoarseRow,
     /// What was taken over of which rows.
-    taken: Vec<([usize; 2], Taken)>,
+    taken: Vec<([u32; 2], Taken)>,
 }
 
 impl Room {
@@ -78,8 +78,10 @@ impl Made {
         workers.for_each(collections, |collection| arch.dispatch(collection));
         for ([j, k], taken) in rooms.iter_mut().flat_map(|room| room.taken.drain(..)) {
             // A weight is as much the next node's.
-            let [along_x, along_y, along_z] = taken.next;
-            changed.add(taken.any.start..taken.any.end.max(along_x.end + 1), j, k);
+            let nodes = |of: Range<u32>| of.start as usize..of.end as usize;
+            let ([along_x, along_y, along_z], [j, k]) = (taken.next.map(nodes), [j as usize, k as usize]);
+            let any = nodes(taken.any);
+            changed.add(any.start..any.end.max(along_x.end + 1), j, k);
             changed.add(along_y, j + 1, k);
             changed.add(along_z, j, k + 1);
         }
@@ -136,7 +138,7 @@ impl Collection<'_> {
         let new = [&x[here.clone()], &y[here.clone()], &z[here.clone()], &leak[here]];
         let taken = take_over(simd, nodes.start, stored, new);
         if !taken.any.is_empty() {
-            self.room.taken.push(([j, k], taken));
+            self.room.taken.push(([j as u32, k as u32], taken));
         }
     }
 }

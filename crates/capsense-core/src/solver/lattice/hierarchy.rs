@@ -132,16 +132,27 @@ impl Hierarchy {
     }
 
     /// The first half of a symmetric V-cycle: from the right-hand side b of the finest level to the solution of the
-    /// coarsest. Adds bᵀMb for all pairs s <= t of active columns to `gains`: the sweeps of the second half mirror those of
-    /// the first, so it is what each sweep on the way down takes from the energy, and bᵀx on the coarsest level.
-    pub(super) fn descend(&mut self, workers: &Workers, arch: Arch, active: &[usize], gains: &mut [f64]) {
+    /// coarsest. Tells bᵀMb for all pairs s <= t of active columns, and the finest level's part of it: the sweeps of the second
+    /// half mirror those of the first, so it is what each sweep on the way down takes from the energy, and bᵀx on the coarsest level.
+    pub(super) fn descend(
+        &mut self,
+        workers: &Workers,
+        arch: Arch,
+        active: &[usize],
+        [gains, of_finest]: [&mut [f64]; 2],
+    ) {
         let Self { levels, transfers, .. } = self;
+        gains.fill(0.0);
+        of_finest.fill(0.0);
         // What a level gains it gains of a residual that was raised on the way to it, and back on the finest of z only.
         let mut part = 1.0;
         for (index, transfer) in transfers.iter_mut().enumerate() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
             transfer.restrict(workers, arch, &fine[index], &mut coarse[0], active);
             transfer.add_gains(active, part, gains);
+            if index == 0 {
+                of_finest.copy_from_slice(gains);
+            }
             part /= f64::from(OVERCORRECTION);
         }
         if let Some(coarsest) = levels.last_mut() {

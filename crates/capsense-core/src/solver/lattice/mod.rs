@@ -73,8 +73,9 @@ pub(crate) struct LatticeSolver {
     islands: Islands,
     /// Columns that are worked on.
     active: Vec<usize>,
-    /// RᵀMR of all pairs of columns.
+    /// RᵀMR of all pairs of columns, and the finest level's part of it.
     gains: Vec<f64>,
+    finest_gains: Vec<f64>,
     /// zᵀKz and zᵀKp.
     curvatures: [Vec<f64>; 2],
     /// The same and the state, of each plane alone.
@@ -123,6 +124,7 @@ impl LatticeSolver {
             islands: Islands::default(),
             active: Vec::with_capacity(columns),
             gains: vec![0.0; columns * columns],
+            finest_gains: vec![0.0; columns * columns],
             curvatures: [vec![0.0; columns], vec![0.0; columns]],
             curvatures_of_planes: vec![[vec![0.0; columns], vec![0.0; columns]]; counts[2]],
             state_of_planes: vec![State::new(columns); counts[2]],

@@ -25,19 +25,25 @@ impl Operator for LatticeSolver {
 
     fn descend(&mut self, active: &[bool]) {
         self.activate(active);
-        self.gains.fill(0.0);
-        self.hierarchy.descend(&self.workers, self.arch, &self.active, &mut self.gains);
+        let gains = [&mut self.gains, &mut self.finest_gains].map(|gains| &mut gains[..]);
+        self.hierarchy.descend(&self.workers, self.arch, &self.active, gains);
         self.add_gains_of_islands();
         self.increment.note_gains(&self.gains);
-        for t in 0..self.columns {
-            for s in 0..t {
-                self.gains[t * self.columns + s] = self.gains[s * self.columns + t];
+        for gains in [&mut self.gains, &mut self.finest_gains] {
+            for t in 0..self.columns {
+                for s in 0..t {
+                    gains[t * self.columns + s] = gains[s * self.columns + t];
+                }
             }
         }
     }
 
     fn gains(&self) -> &[f64] {
         &self.gains
+    }
+
+    fn finest_gains(&self) -> &[f64] {
+        &self.finest_gains
     }
 
     fn foretells(&self, steps: usize) -> bool {

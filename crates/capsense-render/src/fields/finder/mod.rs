@@ -8,6 +8,7 @@ mod placed;
 mod tables;
 
 use super::device::Reserve;
+use super::solids::{EdgeTrees, SOLID_WORDS};
 use crate::adapter::Adapter;
 use crate::error::RenderError;
 use crate::gpu::{Drawing, GpuDevice, Tile};
@@ -17,10 +18,11 @@ use capsense_core::geometry::{Pose, Shape};
 use capsense_core::material::Material;
 use capsense_core::occupancy::{Contact, OrthographicView};
 use capsense_core::sensor::Sensor;
+use capsense_core::solids::Solids;
 use capsense_core::solver::Found;
-pub(super) use placed::OBJECT_WORDS;
-use placed::Placed;
+use placed::{COMMON_WORDS, DRAWN_WORDS, Placed, Shapes, of_solid};
 use tables::Tables;
+pub(super) use tables::in_two;
 
 /// A scene has at most so many objects: each edge keeps account of all.
 pub(super) const MOST_OBJECTS: usize = 16;
@@ -59,6 +61,8 @@ pub(super) struct Finding {
     pub(super) objects: usize,
     /// Whether a scene has a weak dielectric.
     pub(super) has_weak: bool,
+    /// Whether objects are solids, rather than what a camera sees.
+    pub(super) is_exact: bool,
 }
 
 /// The camera as the kernels have it.
@@ -72,17 +76,32 @@ struct CameraUniform {
     back_fill: u32,
 }
 
+/// How objects are known.
+#[derive(Debug)]
+enum Source {
+    /// By a camera.
+    Camera(Box<Seen>),
+    /// As solids.
+    Exact,
+}
+
+/// A camera, and what draws what it sees: nothing where no scene has an object.
+#[derive(Debug)]
+struct Seen {
+    gpu: GpuDevice,
+    camera: Camera,
+    drawing: Option<Drawing>,
+}
+
 /// What finds the objects of some scenes.
 #[derive(Debug)]
 pub(super) struct Finder {
-    gpu: GpuDevice,
-    camera: Camera,
-    /// `None` where no scene has an object.
-    drawing: Option<Drawing>,
+    source: Source,
     scenes: Vec<Placed>,
     electrodes: usize,
     axes: [Vec<f64>; 3],
-    depths: wgpu::Buffer,
+    /// Depths, or trees of edges.
+    sources: wgpu::Buffer,
     pub(super) flags: wgpu::Buffer,
     pub(super) flags_len: usize,
     pub(super) layout: wgpu::BindGroupLayout,
@@ -90,12 +109,23 @@ pub(super) struct Finder {
 }
 
 impl Finding {
-    pub(super) fn of(scenes: &[Objects]) -> Self {
+    pub(super) fn of(scenes: &[Objects], is_exact: bool) -> Self {
         let is_weak = |material: &Material| matches!(material, Material::Dielectric(permittivity) if permittivity.value() < WEAK);
         Self {
             objects: scenes.iter().map(|scene| scene.shapes.len()).max().unwrap_or(0).max(1),
             has_weak: scenes.iter().flat_map(|scene| &scene.materials).any(is_weak),
+            is_exact,
         }
+    }
+
+    /// Words that kernels are told of an object.
+    pub(super) fn object_words(&self) -> usize {
+        COMMON_WORDS + if self.is_exact { SOLID_WORDS } else { DRAWN_WORDS }
+    }
+
+    /// Words that kernels keep of a node: what holds it and what its edges are like, and what a wedge of a conductor makes of it.
+    pub(super) fn found_words(&self) -> usize {
+        4 + if self.is_exact { 4 } else { 0 }
     }
 }
 
@@ -110,10 +140,10 @@ impl Finder {
     pub(super) fn new(
         adapter: &Adapter,
         sensor: &Sensor,
-        camera: Camera,
+        camera: Option<Camera>,
         scenes: &[Objects],
     ) -> Result<Self, RenderError> {
-        let finding = Finding::of(scenes);
+        let finding = Finding::of(scenes, camera.is_none());
         let limit = |what, needed: usize, limit: u64| match needed as u64 > limit {
             true => Err(RenderError::LimitExceeded { what, needed: needed as u64, limit }),
             false => Ok(()),
@@ -121,54 +151,49 @@ impl Finder {
         let buffers = adapter.limits.max_storage_buffers_per_shader_stage;
         limit("the number of storage buffers of a kernel", STORAGE_BUFFERS as usize, buffers.into())?;
         limit("the number of objects", finding.objects, MOST_OBJECTS as u64)?;
-        check_view(&camera.view)?;
+        camera.iter().try_for_each(|camera| check_view(&camera.view))?;
         let nodes = sensor.mesh().nodes().len();
-        let tables = Tables::new(sensor, &camera.view);
+        let tables = Tables::new(sensor, camera.as_ref().map(|camera| &camera.view));
         let (Some(Tables { words, mut lattice }), Some(axes)) = (tables, sensor.lattice()) else {
             let (what, limit) = ("the number of values on the mesh", u64::from(u32::MAX));
             return Err(RenderError::LimitExceeded { what, needed: nodes as u64, limit });
         };
-        let gpu = GpuDevice::of(adapter.clone())?;
         let electrodes = sensor.electrode_names().len();
-        let (meshes, placed) = meshes(scenes, electrodes)?;
-        let count = placed.iter().map(Placed::objects).sum();
-        let drawing = Drawing::new(&gpu, None, &camera.view, &meshes, count)?;
+        let Prepared { source, scenes: placed, numbers, sources_len } = match camera {
+            Some(camera) => drawn(adapter, camera, scenes, electrodes)?,
+            None => exact(scenes, electrodes)?,
+        };
         let flags_len = FLAGS + (finding.objects * electrodes).div_ceil(32);
         lattice.flags_len = flags_len as u32;
         use wgpu::BufferUsages as Usage;
         let storage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         let reserve = Reserve { adapter };
-        let pages = drawing.as_ref().map_or(0, |drawing| count.div_ceil(drawing.atlas.capacity()) as u64);
-        let depth_bytes = drawing.as_ref().map_or(4, |drawing| pages * drawing.atlas.buffer_bytes());
         let tables = reserve.buffer("tables of the mesh", 4 * words.len() as u64, storage)?;
-        let depths = reserve.buffer("depth layers", depth_bytes, storage)?;
-        // For each node what holds it, and what its three edges are like.
-        let found = reserve.buffer("what objects hold", (16 * nodes * scenes.len()) as u64, storage)?;
+        let sources = reserve.buffer("depth layers", sources_len, storage)?;
+        let found = reserve.buffer(
+            "what objects hold",
+            (4 * finding.found_words() * nodes * scenes.len()) as u64,
+            storage,
+        )?;
         let flags = reserve.buffer("flags", (4 * flags_len * scenes.len()) as u64, storage)?;
         let uniforms = Usage::UNIFORM | Usage::COPY_DST;
         let told = reserve.buffer("lattice", size_of_val(&lattice) as u64, uniforms)?;
         let seen = reserve.buffer("camera", size_of::<CameraUniform>() as u64, uniforms)?;
         adapter.queue.write_buffer(&tables, 0, bytemuck::cast_slice(&words));
         adapter.queue.write_buffer(&told, 0, bytemuck::bytes_of(&lattice));
-        adapter.queue.write_buffer(&seen, 0, bytemuck::bytes_of(&uniform_of(&camera)));
+        adapter.queue.write_buffer(&seen, 0, bytemuck::bytes_of(&uniform_of(camera.as_ref())));
+        adapter.queue.write_buffer(&sources, 0, bytemuck::cast_slice(&numbers));
         let layout = bind_group_layout(&adapter.device);
-        let buffers = [&told, &seen, &tables, &depths, &found, &flags];
+        let buffers = [&told, &seen, &tables, &sources, &found, &flags];
         let group = bind_group(&adapter.device, &layout, buffers);
         adapter.faults.check("preparing to find objects")?;
-        let (camera, axes) = (camera, axes.axes().clone());
-        Ok(Self {
-            gpu,
-            camera,
-            drawing,
-            scenes: placed,
-            electrodes,
-            axes,
-            depths,
-            flags,
-            flags_len,
-            layout,
-            group,
-        })
+        let axes = axes.axes().clone();
+        Ok(Self { source, scenes: placed, electrodes, axes, sources, flags, flags_len, layout, group })
+    }
+
+    /// Whether objects are solids.
+    pub(super) fn is_exact(&self) -> bool {
+        matches!(self.source, Source::Exact)
     }
 
     /// What a scene's objects are made of.
@@ -184,6 +209,11 @@ impl Finder {
         self.scenes[scene].place(poses)
     }
 
+    /// Whether an object has a column, which is to be empty where the object is nowhere.
+    pub(super) fn has_columns(&self) -> bool {
+        self.scenes.iter().any(|placed| placed.columns(self.electrodes) != 0)
+    }
+
     /// Whether a scene's objects were placed and not found there yet.
     pub(super) fn is_due(&self, scene: usize) -> bool {
         self.scenes[scene].is_due
@@ -196,9 +226,14 @@ impl Finder {
         let placed = &mut self.scenes[scene];
         let is_due = is_solved && placed.is_due;
         if is_due {
-            let rows = placed.tell(&self.camera, self.drawing.as_ref(), &self.axes, words);
-            if let Some(drawing) = &self.drawing {
-                drawing.place(&self.gpu, placed.first, &rows);
+            match &self.source {
+                Source::Camera(seen) => {
+                    if let Some(drawing) = &seen.drawing {
+                        let rows = placed.tell_drawn(&seen.camera, drawing, &self.axes, words);
+                        drawing.place(&seen.gpu, placed.first, &rows);
+                    }
+                }
+                Source::Exact => placed.tell_exact(&self.axes, words),
             }
         }
         let columns = placed.columns(self.electrodes);
@@ -207,7 +242,8 @@ impl Finder {
 
     /// Draws the objects of all scenes that were told of as placed anew.
     pub(super) fn draw(&self, told: &[bool], encoder: &mut wgpu::CommandEncoder) {
-        let Some(drawing) = &self.drawing else { return };
+        let Source::Camera(seen) = &self.source else { return };
+        let Seen { gpu, camera, drawing: Some(drawing) } = &**seen else { return };
         let due = self.scenes.iter().zip(told).filter(|(_, told)| **told);
         let mut tiles: Vec<Tile> = due.flat_map(|(placed, _)| placed.tiles()).collect();
         tiles.sort_unstable_by_key(|tile| tile.tile);
@@ -216,7 +252,7 @@ impl Finder {
             let number = page[0].tile / capacity;
             let on_page = page.iter().map(|tile| Tile { tile: tile.tile % capacity, ..*tile });
             let at = number as u64 * drawing.atlas.buffer_bytes();
-            drawing.draw_page(&self.gpu, encoder, &self.camera.view, on_page, (&self.depths, at));
+            drawing.draw_page(gpu, encoder, &camera.view, on_page, (&self.sources, at));
         }
     }
 
@@ -230,16 +266,68 @@ impl Finder {
     }
 }
 
+/// How objects are known, the scenes, and what kernels are told of shapes once: numbers, and for how many bytes there is to be
+/// room.
+struct Prepared {
+    source: Source,
+    scenes: Vec<Placed>,
+    numbers: Vec<f32>,
+    sources_len: u64,
+}
+
+fn drawn(
+    adapter: &Adapter,
+    camera: Camera,
+    scenes: &[Objects],
+    electrodes: usize,
+) -> Result<Prepared, RenderError> {
+    let gpu = GpuDevice::of(adapter.clone())?;
+    let (meshes, scenes) = meshes(scenes, electrodes)?;
+    let count = scenes.iter().map(Placed::objects).sum();
+    let drawing = Drawing::new(&gpu, None, &camera.view, &meshes, count)?;
+    let pages = drawing.as_ref().map_or(0, |drawing| count.div_ceil(drawing.atlas.capacity()) as u64);
+    let sources_len = drawing.as_ref().map_or(4, |drawing| pages * drawing.atlas.buffer_bytes());
+    Ok(Prepared {
+        source: Source::Camera(Box::new(Seen { gpu, camera, drawing })),
+        scenes,
+        numbers: Vec::new(),
+        sources_len,
+    })
+}
+
+fn exact(scenes: &[Objects], electrodes: usize) -> Result<Prepared, RenderError> {
+    let mut numbers = Vec::new();
+    let mut placed = Vec::with_capacity(scenes.len());
+    let mut first = 0;
+    for Objects { shapes, materials } in scenes {
+        check_materials(shapes, materials)?;
+        let is_mesh = |shape: &Shape| matches!(shape, Shape::Mesh(_));
+        if let Some(object) = shapes.iter().position(is_mesh) {
+            return Err(RenderError::NotConvex { object });
+        }
+        let solids = Solids::new(shapes).map_err(of_solid)?;
+        let trees = EdgeTrees::new(&solids, &mut numbers);
+        placed.push(Placed::new(first, Shapes::Exact(solids, trees), materials.clone(), electrodes));
+        first += shapes.len();
+    }
+    let sources_len = 4 * numbers.len().max(1) as u64;
+    Ok(Prepared { source: Source::Exact, scenes: placed, numbers, sources_len })
+}
+
+fn check_materials(shapes: &[Shape], materials: &[Material]) -> Result<(), RenderError> {
+    if shapes.len() == materials.len() {
+        return Ok(());
+    }
+    Err(RenderError::PoseCount { poses: materials.len(), objects: shapes.len() })
+}
+
 /// The meshes of all scenes, each once, and the scenes.
 fn meshes(scenes: &[Objects], electrodes: usize) -> Result<(Vec<SceneObject>, Vec<Placed>), RenderError> {
     let (mut meshes, mut known): (Vec<SceneObject>, Vec<&Shape>) = (Vec::new(), Vec::new());
     let mut placed = Vec::with_capacity(scenes.len());
     let mut first = 0;
     for Objects { shapes, materials } in scenes {
-        if shapes.len() != materials.len() {
-            let (poses, objects) = (materials.len(), shapes.len());
-            return Err(RenderError::PoseCount { poses, objects });
-        }
+        check_materials(shapes, materials)?;
         let mut of_scene = Vec::with_capacity(shapes.len());
         for (object, shape) in shapes.iter().enumerate() {
             let mesh = match known.iter().position(|known| *known == shape) {
@@ -254,14 +342,14 @@ fn meshes(scenes: &[Objects], electrodes: usize) -> Result<(Vec<SceneObject>, Ve
             };
             of_scene.push((mesh, meshes[mesh].clone()));
         }
-        placed.push(Placed::new(first, of_scene, materials.clone(), electrodes));
+        placed.push(Placed::new(first, Shapes::Drawn(of_scene), materials.clone(), electrodes));
         first += shapes.len();
     }
     Ok((meshes, placed))
 }
 
-fn uniform_of(camera: &Camera) -> CameraUniform {
-    let Camera { view, back_fill } = camera;
+fn uniform_of(camera: Option<&Camera>) -> CameraUniform {
+    let Some(Camera { view, back_fill }) = camera else { return CameraUniform::zeroed() };
     let pixel = view.pixel_size();
     CameraUniform {
         size: [view.width as u32, view.height as u32],

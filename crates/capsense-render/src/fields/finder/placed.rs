@@ -1,16 +1,22 @@
 //! Where the objects of one scene are, and what kernels are told of it.
 
+use super::super::solids::EdgeTrees;
 use super::Camera;
 use super::tables::in_two;
 use crate::error::RenderError;
 use crate::gpu::{Drawing, ObjectFrame, Rows, Tile};
 use crate::scene::{SceneObject, check_poses};
+use crate::tessellate::TessellateError;
 use capsense_core::geometry::{Aabb, Pose};
 use capsense_core::material::{Connection, Material};
+use capsense_core::occupancy::Surfaces;
+use capsense_core::solids::{SolidError, Solids};
 use capsense_core::solver::HELD_AT_ZERO;
 
-/// Words of an object: what it is, between which planes, and what `depth_layers.wgsl` needs of it.
-pub(in super::super) const OBJECT_WORDS: usize = 16;
+/// Words of an object: what it is and between which planes.
+pub(in super::super) const COMMON_WORDS: usize = 9;
+/// What `depth_layers.wgsl` needs of it behind these.
+pub(in super::super) const DRAWN_WORDS: usize = 7;
 
 /// Bits of its first word.
 const IS_SEEN: u32 = 1;
@@ -19,13 +25,30 @@ const IS_CONDUCTOR: u32 = 2;
 /// Objects are nowhere outside of their pixels, and in depth no more than rounding off their bounds, in metres.
 const MARGIN: f64 = 1e-6;
 
+/// The shapes of a scene's objects.
+#[derive(Debug)]
+pub(super) enum Shapes {
+    /// The number of each object's mesh, and the mesh.
+    Drawn(Vec<(usize, SceneObject)>),
+    /// Solids, and the trees of their edges.
+    Exact(Solids, EdgeTrees),
+}
+
+impl Shapes {
+    fn count(&self) -> usize {
+        match self {
+            Self::Drawn(meshes) => meshes.len(),
+            Self::Exact(solids, _) => solids.objects(),
+        }
+    }
+}
+
 /// One scene.
 #[derive(Debug)]
 pub(super) struct Placed {
     /// The number of its first object among those of all scenes.
     pub(super) first: usize,
-    /// The number of each object's mesh, and the mesh.
-    meshes: Vec<(usize, SceneObject)>,
+    shapes: Shapes,
     pub(super) materials: Vec<Material>,
     /// The column in which each conductor is at 1 V, or that it is held at zero.
     holders: Vec<u32>,
@@ -37,12 +60,7 @@ pub(super) struct Placed {
 }
 
 impl Placed {
-    pub(super) fn new(
-        first: usize,
-        meshes: Vec<(usize, SceneObject)>,
-        materials: Vec<Material>,
-        electrodes: usize,
-    ) -> Self {
+    pub(super) fn new(first: usize, shapes: Shapes, materials: Vec<Material>, electrodes: usize) -> Self {
         let mut next = electrodes as u32;
         let holders = materials.iter().map(|material| match material {
             Material::Conductor(Connection::Floating | Connection::Capacitance(_)) => {
@@ -52,10 +70,10 @@ impl Placed {
             Material::Conductor(Connection::Grounded) | Material::Dielectric(_) => HELD_AT_ZERO,
         });
         let holders = holders.collect();
-        let visible = vec![false; meshes.len()];
+        let visible = vec![false; shapes.count()];
         Self {
             first,
-            meshes,
+            shapes,
             materials,
             holders,
             poses: Vec::new(),
@@ -66,7 +84,7 @@ impl Placed {
     }
 
     pub(super) fn objects(&self) -> usize {
-        self.meshes.len()
+        self.shapes.count()
     }
 
     /// A bit for each column that an object has.
@@ -77,9 +95,12 @@ impl Placed {
 
     /// Takes over poses and returns whether they are news.
     pub(super) fn place(&mut self, poses: &[Pose]) -> Result<bool, RenderError> {
-        check_poses(poses, self.meshes.len())?;
+        check_poses(poses, self.shapes.count())?;
         if self.was_placed && self.poses == poses {
             return Ok(false);
+        }
+        if let Shapes::Exact(solids, _) = &mut self.shapes {
+            solids.place(poses).map_err(of_solid)?;
         }
         self.poses.clear();
         self.poses.extend_from_slice(poses);
@@ -88,27 +109,21 @@ impl Placed {
     }
 
     /// Adds the objects' words, and returns how they are drawn.
-    pub(super) fn tell(
+    pub(super) fn tell_drawn(
         &mut self,
         camera: &Camera,
-        drawing: Option<&Drawing>,
+        drawing: &Drawing,
         axes: &[Vec<f64>; 3],
         words: &mut Vec<u32>,
     ) -> Vec<Rows> {
-        let Some(drawing) = drawing else { return Vec::new() };
-        let mut all_rows = Vec::with_capacity(self.meshes.len());
-        for (object, ((_, mesh), pose)) in self.meshes.iter().zip(&self.poses).enumerate() {
+        let Shapes::Drawn(meshes) = &self.shapes else { return Vec::new() };
+        let mut all_rows = Vec::with_capacity(meshes.len());
+        for (object, ((_, mesh), pose)) in meshes.iter().zip(&self.poses).enumerate() {
             let (frame, rows) = ObjectFrame::new(&camera.view, mesh, pose);
             all_rows.push(rows);
             self.visible[object] = frame.visible;
-            let (conducts, permittivity) = match self.materials[object] {
-                Material::Conductor(_) => (IS_CONDUCTOR, 1.0),
-                Material::Dielectric(permittivity) => (0, permittivity.value() as f32),
-            };
-            let kind = conducts | if frame.visible { IS_SEEN } else { 0 };
-            words.extend([kind, permittivity.to_bits(), self.holders[object]]);
-            let planes = planes_around(axes, &within(camera, mesh.bounds(pose)));
-            words.extend(planes.as_flattened());
+            let seen = if frame.visible { IS_SEEN } else { 0 };
+            words.extend(self.common_words(object, seen, axes, &within(camera, mesh.bounds(pose))));
             let [front, back, pitch] = places_of(drawing, self.first + object);
             let [high, low] = in_two(frame.near).map(f32::to_bits);
             words.extend([front, back, pitch, high, low, (frame.range as f32).to_bits(), 0]);
@@ -116,13 +131,54 @@ impl Placed {
         all_rows
     }
 
+    /// Adds the words of solids.
+    pub(super) fn tell_exact(&self, axes: &[Vec<f64>; 3], words: &mut Vec<u32>) {
+        let Shapes::Exact(solids, trees) = &self.shapes else { return };
+        for object in 0..solids.objects() {
+            words.extend(self.common_words(object, IS_SEEN, axes, &solids.bounds(object)));
+            trees.tell(solids, object, words);
+        }
+    }
+
+    fn common_words(
+        &self,
+        object: usize,
+        seen: u32,
+        axes: &[Vec<f64>; 3],
+        bounds: &Aabb,
+    ) -> [u32; COMMON_WORDS] {
+        let (conducts, permittivity) = match self.materials[object] {
+            Material::Conductor(_) => (IS_CONDUCTOR, 1.0),
+            Material::Dielectric(permittivity) => (0, permittivity.value() as f32),
+        };
+        let [[a, b, c], [d, e, f]] = planes_around(axes, bounds);
+        [seen | conducts, permittivity.to_bits(), self.holders[object], a, b, c, d, e, f]
+    }
+
     /// What is drawn of the objects, each in its tile among those of all scenes.
     pub(super) fn tiles(&self) -> impl Iterator<Item = Tile> {
-        let visible = self.meshes.iter().zip(&self.visible).enumerate().filter(|(_, (_, visible))| **visible);
+        let meshes = match &self.shapes {
+            Shapes::Drawn(meshes) => &meshes[..],
+            Shapes::Exact(..) => &[],
+        };
+        let visible = meshes.iter().zip(&self.visible).enumerate().filter(|(_, (_, visible))| **visible);
         visible.map(|(object, ((mesh, _), _))| {
             let tile = self.first + object;
             Tile { tile, mesh: *mesh, pose: tile }
         })
+    }
+}
+
+/// What is wrong with a solid.
+pub(super) fn of_solid(error: SolidError) -> RenderError {
+    match error {
+        SolidError::Length { object, length } => {
+            let source = TessellateError::InvalidLength { shape: "solid", what: "length", value: length };
+            RenderError::Shape { object, source }
+        }
+        SolidError::NotWatertight { object, .. } => RenderError::NotConvex { object },
+        SolidError::PoseCount { poses, objects } => RenderError::PoseCount { poses, objects },
+        SolidError::Pose(object) => RenderError::InvalidPose { object },
     }
 }
 

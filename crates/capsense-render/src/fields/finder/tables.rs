@@ -4,7 +4,7 @@
 //! background around them, and links of rims and of open walls.
 
 use bytemuck::{Pod, Zeroable};
-use capsense_core::mesh::Edges;
+use capsense_core::mesh::{Edges, Lattice};
 use capsense_core::occupancy::OrthographicView;
 use capsense_core::sensor::Sensor;
 use capsense_core::solver::HELD_AT_ZERO;
@@ -25,7 +25,9 @@ pub(super) struct LatticeUniform {
     electrodes: u32,
     links_at: u32,
     pub(super) flags_len: u32,
-    padding: [u32; 2],
+    /// A bit for each node: whether the background is the same on all its edges.
+    alike_at: u32,
+    padding: u32,
 }
 
 /// Tables of a sensor.
@@ -36,8 +38,9 @@ pub(super) struct Tables {
 }
 
 impl Tables {
-    /// `None` where the sensor's mesh is no lattice, or 32 bits or the words for nodes do not suffice.
-    pub(super) fn new(sensor: &Sensor, view: &OrthographicView) -> Option<Self> {
+    /// `None` where the sensor's mesh is no lattice, or 32 bits or the words for nodes do not suffice. `view` is what a camera sees,
+    /// if one sees the objects.
+    pub(super) fn new(sensor: &Sensor, view: Option<&OrthographicView>) -> Option<Self> {
         let network = EdgeNetwork::of_sensor(sensor);
         let Edges::Lattice(lattice) = network.edges() else { return None };
         let nodes = sensor.mesh().nodes().len();
@@ -48,7 +51,7 @@ impl Tables {
             for (number, &plane) in planes.iter().enumerate() {
                 let [high, low] = in_two(plane);
                 let way = planes.get(number + 1).map_or(0.0, |next| (next - plane) as f32);
-                let (pixel, within) = pixel_at(view, axis, plane);
+                let (pixel, within) = view.map_or((0, 0.0), |view| pixel_at(view, axis, plane));
                 words.extend([high.to_bits(), low.to_bits(), way.to_bits(), pixel as u32, within.to_bits()]);
             }
         }
@@ -87,6 +90,8 @@ impl Tables {
                 words.extend((0..nodes).map(|node| (permittivity[3 * node + axis] as f32).to_bits()));
             }
         }
+        let alike_at = words.len() as u32;
+        words.extend(alike(lattice, &permittivity));
         let lattice = LatticeUniform {
             planes_at,
             nodes_at,
@@ -95,14 +100,34 @@ impl Tables {
             permittivity_stride: u32::from(!is_uniform),
             electrodes: electrodes as u32,
             links_at,
+            alike_at,
             ..LatticeUniform::default()
         };
         (words.len() <= u32::MAX as usize).then_some(Self { words, lattice })
     }
 }
 
+/// A bit for each node: whether the permittivity is the same on all its edges, to the last bit, as the processor asks.
+fn alike(lattice: &Lattice, permittivity: &[f64]) -> Vec<u32> {
+    let (counts, strides) = (lattice.node_counts(), lattice.strides());
+    let nodes = counts.iter().product::<usize>();
+    let mut bits = vec![0; nodes.div_ceil(32)];
+    for node in 0..nodes {
+        let place = lattice.node_place(node);
+        let edges = (0..3).flat_map(|axis| {
+            let below = (place[axis] > 0).then(|| 3 * (node - strides[axis]) + axis);
+            let above = (place[axis] + 1 < counts[axis]).then_some(3 * node + axis);
+            [below, above].into_iter().flatten()
+        });
+        let mut around = edges.map(|edge| permittivity[edge]);
+        let first = around.next();
+        bits[node / 32] |= u32::from(around.all(|other| Some(other) == first)) << (node % 32);
+    }
+    bits
+}
+
 /// A number as the sum of two in single precision.
-pub(super) fn in_two(number: f64) -> [f32; 2] {
+pub(in super::super) fn in_two(number: f64) -> [f32; 2] {
     let high = number as f32;
     [high, (number - f64::from(high)) as f32]
 }

@@ -89,32 +89,33 @@ impl Hierarchy {
         }
     }
 
-    /// The first half of a symmetric cycle on r = -kx: all but the backward sweep of the finest level. Returns RᵀMR and
-    /// Σ r²: what the forward sweep gains, and what the coarser levels do. These are not quite symmetric.
+    /// The first half of a symmetric cycle on r = -kx: all but the backward sweep of the finest level. Returns what its
+    /// forward sweep gains, and RᵀMR, with what the coarser levels do, which is not quite symmetric; Σ r² with both.
     pub(super) fn descend<const L: usize>(
         &self,
         kx: &[[f64; L]],
         work: &mut Work<L>,
         workers: &Workers,
-    ) -> Gains<L> {
+    ) -> [Gains<L>; 2] {
         let Work { levels, restricted, .. } = work;
         for (index, level) in self.levels.iter().enumerate().skip(levels.len()) {
             levels.push(Vectors::new(level, index == 0, (1..=TWICE).contains(&index)));
         }
         let mut gains = Gains::default();
-        let Some((finest, coarser)) = levels.split_first_mut() else { return gains };
+        let Some((finest, coarser)) = levels.split_first_mut() else { return [gains; 2] };
         let coarse = self.transfers.first().zip(coarser.first_mut());
         let coarse = coarse.map(|(transfer, coarse)| (transfer, coarse.b.as_mut_slice()));
         self.levels[0].sweep_forward::<L, true>(finest, coarse, workers, &Residual(kx));
         for block in &finest.gains {
             gains.add(block);
         }
+        let of_finest = gains;
         if let Some(coarse) = coarser.first() {
             restricted.clone_from(&coarse.b);
             self.solve(1, coarser, workers);
             self.transfers[0].add_gains(&coarser[0].x, restricted, &mut gains.products);
         }
-        gains
+        [of_finest, gains]
     }
 
     /// z = M (-kx): the second half of the cycle.

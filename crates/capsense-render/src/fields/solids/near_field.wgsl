@@ -1,0 +1,371 @@
+// Nodes near edges of conductors and in front of round ones, linked by what makes the field there satisfy their equations:
+// `occupancy/near_field` of the core in single precision, names being those of its functions. Beside what `solids.wgsl` asks
+// for:
+//   fn is_sensors(node: u32) -> bool, whether a terminal has it
+//   fn is_homogeneous(node: u32) -> bool, whether the background is the same on all its edges
+//   fn conductor_at(node: u32) -> u32, the object that holds it or NO_OBJECT
+// all of the scene at hand.
+
+// Up to so many cells from an edge, the field is that of a wedge alone; so many cells away, nothing is known of it.
+const NEAR: f32 = 1.0;
+const FAR: f32 = 2.0;
+// The axis along which each node's own edge carries its link.
+const CARRIER: u32 = 0u;
+const STRAIGHT: f32 = 3e38;
+
+// A node of the lattice and its neighbours: how far those below and above are, zero where the lattice ends; and the cells behind
+// these.
+struct Star {
+    node: u32, place: vec3<u32>,
+    below: vec3<f32>, above: vec3<f32>,
+    first_below: vec3<f32>, first_above: vec3<f32>, second_below: vec3<f32>, second_above: vec3<f32>,
+    reach: vec3<f32>,
+}
+
+fn node_steps() -> vec3<u32> {
+    let counts = plane_counts();
+    return vec3<u32>(1u, counts.x, counts.x * counts.y);
+}
+
+fn star_at(node: u32, place: vec3<u32>) -> Star {
+    var star: Star;
+    star.node = node;
+    star.place = place;
+    let counts = plane_counts();
+    for (var axis = 0u; axis < 3u; axis++) {
+        let index = place[axis];
+        let above = plane_of(axis, index).z;
+        var below = 0.0;
+        if (index > 0u) { below = plane_of(axis, index - 1u).z; }
+        let longest = max(below, above);
+        let first_below = select(longest, below, below > 0.0);
+        let first_above = select(longest, above, above > 0.0);
+        var second_below = first_below;
+        var reach_below = 2.0 * longest;
+        if (index > 1u) {
+            second_below = plane_of(axis, index - 2u).z;
+            reach_below = below + second_below;
+        }
+        var second_above = first_above;
+        var reach_above = 2.0 * longest;
+        if (index + 2u < counts[axis]) {
+            second_above = plane_of(axis, index + 1u).z;
+            reach_above = above + second_above;
+        }
+        star.below[axis] = below;
+        star.above[axis] = above;
+        star.first_below[axis] = first_below;
+        star.first_above[axis] = first_above;
+        star.second_below[axis] = second_below;
+        star.second_above[axis] = second_above;
+        star.reach[axis] = max(reach_below, reach_above);
+    }
+    return star;
+}
+
+// The dual faces of edges along each axis, their weights in air times their lengths. Of Kuhn's tetrahedra, cells on the diagonal
+// from below to above count by a third, the other two by a sixth.
+fn areas_of(star: Star) -> vec3<f32> {
+    let width = 0.5 * (star.below + star.above);
+    let skew = star.above - star.below;
+    return width.yzx * width.zxy + skew.yzx * skew.zxy / 12.0;
+}
+
+// Cells to a place, given from the node, parts of them counted; no more than FAR.
+fn cells_to(star: Star, place: vec3<f32>) -> f32 {
+    let is_above = place > vec3<f32>(0.0);
+    let way = select(star.below, star.above, is_above);
+    let first = select(star.first_below, star.first_above, is_above);
+    let second = select(star.second_below, star.second_above, is_above);
+    let distance = abs(place);
+    let part = distance / first;
+    let counted = select(1.0 + abs(distance - way) / second, part, (part <= vec3<f32>(1.0)) | (way == vec3<f32>(0.0)));
+    return min(max(counted.x, max(counted.y, counted.z)), FAR);
+}
+
+// How much of a node's links the field around a place of a surface, given from the node, has.
+fn part_at(star: Star, place: vec3<f32>) -> f32 {
+    if (all(place >= -star.below) && all(place <= star.above)) { return 1.0; }
+    let part = min((FAR - cells_to(star, place)) / (FAR - NEAR), 1.0);
+    return part * part * (3.0 - 2.0 * part);
+}
+
+// A right angle at which faces of an object meet, in the object's frame.
+struct RightAngle {
+    place: vec3<f32>, first: vec3<f32>, second: vec3<f32>,
+    inside: f32, radius: f32, thickness: f32, breadth: f32,
+    // Not there in the middle of a rim.
+    exists: bool,
+}
+
+fn side_of(coordinate: f32) -> f32 { return select(-1.0, 1.0, coordinate >= 0.0); }
+
+// That which is nearest to a point of the object's frame.
+fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
+    var angle: RightAngle;
+    let size = solid.size;
+    if (kind_of(solid) == CYLINDER) {
+        let from_axis = length(point.xy);
+        angle.exists = from_axis > STANDSTILL;
+        if (!angle.exists) { return angle; }
+        let outwards = point.xy / from_axis;
+        let end = side_of(point.z);
+        angle.place = vec3<f32>(size.x * outwards, size.z * end);
+        angle.first = vec3<f32>(outwards, 0.0);
+        angle.second = vec3<f32>(0.0, 0.0, end);
+        angle.inside = STRAIGHT;
+        angle.radius = size.x;
+        angle.thickness = 2.0 * min(size.x, size.z);
+        angle.breadth = 2.0 * size.x;
+        return angle;
+    }
+    let outside = abs(point) - size;
+    let squared = outside * outside;
+    let beyond = max(outside, vec3<f32>(0.0));
+    // For edges along each axis.
+    let distances = vec3<f32>(squared.y + squared.z, squared.x + squared.z, squared.x + squared.y) + beyond * beyond;
+    var axis = 2u;
+    if (distances.x <= distances.y && distances.x <= distances.z) {
+        axis = 0u;
+    } else if (distances.y <= distances.z) {
+        axis = 1u;
+    }
+    let b = (axis + 1u) % 3u;
+    let c = (axis + 2u) % 3u;
+    let side = vec3<f32>(side_of(point.x), side_of(point.y), side_of(point.z));
+    angle.exists = true;
+    angle.place = size * side;
+    angle.place[axis] = point[axis];
+    angle.first[b] = side[b];
+    angle.second[c] = side[c];
+    // Where another edge is as near, neither is the nearest.
+    let low = min(distances.x, distances.y);
+    let high = max(distances.x, distances.y);
+    let nearest = min(low, distances.z);
+    let second = max(low, min(high, distances.z));
+    angle.inside = -outside[axis];
+    if (angle.inside > 0.0) { angle.inside = min(angle.inside, (second - nearest) / angle.inside); }
+    angle.radius = STRAIGHT;
+    angle.thickness = 2.0 * min(size[b], size[c]);
+    angle.breadth = 2.0 * (size.x + size.y + size.z - min(size.x, min(size.y, size.z)) - max(size.x, max(size.y, size.z)));
+    return angle;
+}
+
+// How far before either face a point of the object's frame is, and along the edge.
+fn coordinates(angle: RightAngle, point: vec3<f32>) -> vec3<f32> {
+    let away = point - angle.place;
+    return vec3<f32>(dot(angle.first, away), dot(angle.second, away), dot(cross(angle.first, angle.second), away));
+}
+
+// Whether no straight way between two points passes the object: a face is behind both of them.
+fn see_each_other(a: vec3<f32>, b: vec3<f32>) -> bool {
+    return (a.x >= 0.0 && b.x >= 0.0) || (a.y >= 0.0 && b.y >= 0.0);
+}
+
+// By a third of the exponent, then by Halley's method: WGSL has no cube root, and promises little of powers.
+fn cube_root(x: f32) -> f32 {
+    var root = bitcast<f32>(bitcast<u32>(x) / 3u + 709958130u);
+    for (var step = 0u; step < 2u; step++) {
+        let cube = root * root * root;
+        root *= (cube + 2.0 * x) / (2.0 * cube + x);
+    }
+    return root;
+}
+
+// r^(2/3) sin(2θ/3) at a point given by its coordinates, θ from one face to the other; zero in the object.
+fn potential_around(place: vec3<f32>, radius: f32) -> f32 {
+    let p = place.x + select(0.5 / radius * place.z * place.z, 0.0, radius == STRAIGHT);
+    let q = place.y;
+    if (!(p > 0.0 || q > 0.0)) { return 0.0; }
+    let squared = p * p + q * q + 1e-30;
+    // From the bisector outside, angles are φ = θ - 3π/4; cos(φ/3) by Newton's method on 4c³ - 3c = cos φ.
+    let cosine = 0.70710678 * (p + q) / sqrt(squared);
+    var third = 0.8660 + cosine * (0.1871 - 0.0531 * cosine);
+    for (var step = 0u; step < 2u; step++) {
+        let square = third * third;
+        third -= (third * (4.0 * square - 3.0) - cosine) / (12.0 * square - 3.0);
+    }
+    return cube_root(squared) * (2.0 * third * third - 1.0);
+}
+
+// ln(1 + x) / x for x > 0, by the series of the area tangent: drivers' logarithms have eleven bits.
+fn log_over(x: f32) -> f32 {
+    var mantissa = 1.0 + x;
+    var exponent = 0.0;
+    var s = x / (2.0 + x);
+    if (x > 0.4) {
+        let bits = bitcast<u32>(mantissa);
+        mantissa = bitcast<f32>((bits & 0x7fffffu) | 0x3f800000u);
+        exponent = f32(bits >> 23u) - 127.0;
+        if (mantissa > 1.41421356) {
+            mantissa *= 0.5;
+            exponent += 1.0;
+        }
+        s = (mantissa - 1.0) / (mantissa + 1.0);
+    }
+    let square = s * s;
+    let series = 1.0 + square * (0.33333333 + square * (0.2 + square * (0.14285714 + square * 0.11111111)));
+    if (x > 0.4) { return (0.69314718 * exponent + 2.0 * s * series) / x; }
+    return 2.0 / (2.0 + x) * series;
+}
+
+// A capsule or a sphere as it is near a point: the smaller principal curvature in parts of the larger one.
+fn second_curvature(solid: Solid, point: vec3<f32>) -> f32 {
+    if (solid.size.z == 0.0) { return 1.0; }
+    return clamp((abs(point.z) - solid.size.z) / solid.size.x + 0.5, 0.0, 1.0);
+}
+
+fn on_axis(solid: Solid, point: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(0.0, 0.0, clamp(point.z, -solid.size.z, solid.size.z));
+}
+
+// The potential before a round surface, in radii; zero in the object.
+fn round_potential(solid: Solid, second: f32, point: vec3<f32>) -> f32 {
+    let along = max(distance(point, on_axis(solid, point)) - solid.size.x, 0.0) / solid.size.x;
+    let rest = 1.0 - second;
+    let shared_part = along / (1.0 + second * along);
+    return shared_part * select(1.0, log_over(rest * shared_part), rest * shared_part > 0.0);
+}
+
+// What a node near an edge of a conductor, or before a round one, makes of its edges.
+struct Wedge {
+    object: u32,
+    // Whether the field is that of one wedge alone.
+    is_all: bool,
+    // How much of the node's links is what the wedge makes of them, that share of the link as a factor of the edge along
+    // CARRIER, and the potential of the node itself.
+    share: f32, link: f32, potential: f32,
+}
+
+const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0);
+
+fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f32 {
+    let part = part_at(star, solid.turn * (angle.place - point));
+    if (part <= 0.0) { return 0.0; }
+    let along = abs(solid.turn * cross(angle.first, angle.second));
+    let longest = max(star.below, star.above);
+    let shortest = min(star.below, star.above);
+    let narrowest = select(longest, shortest, shortest > vec3<f32>(0.0));
+    let size = dot(along, narrowest);
+    var from_ends = 1.0;
+    if (angle.inside < size) { from_ends = max(angle.inside / size, 0.0); }
+    var is_straight = 1.0;
+    if (angle.radius != STRAIGHT) { is_straight = clamp(angle.radius / size - 1.0, 0.0, 1.0); }
+    return part * from_ends * is_straight;
+}
+
+// How much of a node's links an object has if there is nothing else, or -1 where nothing is known of its field.
+fn own_share(star: Star, object: u32, solid: Solid, begin: vec3<f32>) -> f32 {
+    if (!is_conductor(object)) { return -1.0; }
+    let point = begin * solid.turn;
+    if (kind_of(solid) == CAPSULE) {
+        let axis = on_axis(solid, point);
+        let away = point - axis;
+        let distance = length(away);
+        let place = axis + away * select(0.0, solid.size.x / distance, distance > 0.0);
+        return part_at(star, solid.turn * (place - point));
+    }
+    let angle = nearest_angle(solid, point);
+    if (!angle.exists || any(abs(solid.turn * (angle.place - point)) > star.reach)) { return -1.0; }
+    return share_of(star, solid, angle, point);
+}
+
+// What a node that no conductor holds makes of edges of conductors.
+fn wedge_at(star: Star) -> Wedge {
+    if (is_sensors(star.node) || star.above[CARRIER] == 0.0) { return NO_WEDGE; }
+    let spot = spot_of(star.place);
+    var found = NO_OBJECT;
+    var share = 1.0;
+    for (var object = 0u; object < objects; object++) {
+        let solid = solid_of(object);
+        let begin = from_origin(solid, spot);
+        let half = half_bounds(solid);
+        var away = 0.0;
+        if (objects > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
+        if (away >= FAR) { continue; }
+        var own = -1.0;
+        if (found == NO_OBJECT) { own = own_share(star, object, solid, begin); }
+        if (own > 0.0) {
+            found = object;
+            share = min(share, own);
+        } else {
+            share = min(share, max((away - NEAR) / (FAR - NEAR), 0.0));
+        }
+    }
+    if (found == NO_OBJECT || share <= 0.0 || !is_homogeneous(star.node)) { return NO_WEDGE; }
+    return linked_wedge(star, spot, found, share);
+}
+
+fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
+    let solid = solid_of(object);
+    let is_round = kind_of(solid) == CAPSULE;
+    let point = in_frame(solid, spot);
+    var angle: RightAngle;
+    var second = 0.0;
+    var thickness = 2.0 * solid.size.x;
+    var breadth = thickness;
+    if (is_round) {
+        second = second_curvature(solid, point);
+    } else {
+        angle = nearest_angle(solid, point);
+        thickness = angle.thickness;
+        breadth = angle.breadth;
+    }
+    let longest_ways = max(star.below, star.above);
+    let longest = max(longest_ways.x, max(longest_ways.y, longest_ways.z));
+    let own_place = coordinates(angle, point);
+    var own = 0.0;
+    if (is_round) { own = round_potential(solid, second, point); } else { own = potential_around(own_place, angle.radius); }
+    let areas = areas_of(star);
+    var turn = transpose(solid.turn);
+    var sum = 0.0;
+    var of_weights = 0.0;
+    var highest = own;
+    for (var axis = 0u; axis < 3u; axis++) {
+        for (var side = 0u; side < 2u; side++) {
+            let way = select(star.below[axis], star.above[axis], side == 1u);
+            if (way == 0.0) { continue; }
+            let stride = node_steps()[axis];
+            let node = select(star.node - stride, star.node + stride, side == 1u);
+            // Where the neighbour is by its own planes, so that it is in the object or not as it is elsewhere.
+            var place = star.place;
+            place[axis] = select(place[axis] - 1u, place[axis] + 1u, side == 1u);
+            let other = in_frame(solid, spot_of(place));
+            let is_held = conductor_at(node) == object;
+            var potential = 0.0;
+            if (is_round) {
+                if (is_held || is_hit(solid_span(solid, point, other))) { continue; }
+                potential = round_potential(solid, second, other);
+            } else {
+                let moved = point + select(-way, way, side == 1u) * turn[axis];
+                let other_place = coordinates(angle, moved);
+                potential = potential_around(other_place, angle.radius);
+                highest = max(highest, potential);
+                if (is_held || (!see_each_other(own_place, other_place) && is_hit(solid_span(solid, point, other)))) { continue; }
+            }
+            let weight = areas[axis] / way;
+            sum += weight * potential;
+            of_weights += weight;
+            highest = max(highest, potential);
+        }
+    }
+    var wedge: Wedge;
+    wedge.object = object;
+    wedge.share = share;
+    wedge.is_all = share >= 1.0 && thickness >= longest;
+    wedge.potential = max(max(own, SMALLEST_PART * highest), 1e-30);
+    var link = sum / wedge.potential - of_weights;
+    if (link < 0.0) { link *= clamp(breadth / longest - 1.0, 0.0, 1.0); }
+    wedge.link = share * link * star.above[CARRIER] / areas[CARRIER];
+    return wedge;
+}
+
+// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node, whose potential is known, and its neighbour.
+fn slope_from(wedge: Wedge, at: Spot, to: Spot) -> f32 {
+    let solid = solid_of(wedge.object);
+    if (kind_of(solid) == CAPSULE) { return 0.0; }
+    let angle = nearest_angle(solid, in_frame(solid, at));
+    if (!angle.exists) { return 0.0; }
+    let other = potential_around(coordinates(angle, in_frame(solid, to)), angle.radius);
+    return other / wedge.potential - 1.0;
+}
