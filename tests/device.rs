@@ -32,6 +32,30 @@ fn a_scene_has_the_same_capacitances_on_either_device() {
     }
 }
 
+/// The same on a mesh that is no lattice, with an object that finds its own potential, found by its surface.
+#[test]
+fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
+    let other = |solver: &str| {
+        let start = SCENE.find("tolerance = 1e-4").unwrap();
+        let text = format!("{}{solver}\n", &SCENE[..start])
+            .replace("elements = 8000 }", "elements = 30000, kind = \"bisection\" }")
+            .replace("\"grounded\"", "\"floating\"")
+            .replace("geometry = \"camera\"", "geometry = \"solids\"");
+        Scene::parse("device.toml", &text, Path::new(".")).unwrap()
+    };
+    let mut gpu = Pipeline::new(&other("tolerance = 1e-5\ndevice = \"gpu\"")).unwrap();
+    let mut cpu = Pipeline::new(&other("tolerance = 1e-9")).unwrap();
+    assert!(gpu.simulator().sensor().lattice().is_none());
+    assert!(gpu.is_on_gpu() && gpu.device() != "CPU" && !cpu.is_on_gpu());
+    for frame in 0..4 {
+        let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
+        assert!(ours.solve.launches > 0 && expected.solve.launches == 0);
+        for (a, b) in ours.capacitance.rows().flatten().zip(expected.capacitance.rows().flatten()) {
+            assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e} {:?}", ours.solve);
+        }
+    }
+}
+
 /// Solids are found on the device, and on the processor for who looks; those of triangles on the processor alone.
 #[test]
 fn solids_are_found_on_the_device_if_they_can_be() {
@@ -59,30 +83,6 @@ fn solids_are_found_on_the_device_if_they_can_be() {
     let mut pipeline = on(&text.replace("FILE", &format!("{forearm:?}")));
     assert!(pipeline.is_on_gpu() && !pipeline.finds_objects_on_gpu());
     assert!(pipeline.frame(0).unwrap().changed_edges > 0);
-}
-
-/// The same on a mesh that is no lattice, with an object that finds its own potential, found by its surface.
-#[test]
-fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
-    let other = |solver: &str| {
-        let start = SCENE.find("tolerance = 1e-4").unwrap();
-        let text = format!("{}{solver}\n", &SCENE[..start])
-            .replace("elements = 8000 }", "elements = 30000, kind = \"bisection\" }")
-            .replace("\"grounded\"", "\"floating\"")
-            .replace("geometry = \"camera\"", "geometry = \"solids\"");
-        Scene::parse("device.toml", &text, Path::new(".")).unwrap()
-    };
-    let mut gpu = Pipeline::new(&other("tolerance = 1e-5\ndevice = \"gpu\"")).unwrap();
-    let mut cpu = Pipeline::new(&other("tolerance = 1e-9")).unwrap();
-    assert!(gpu.simulator().sensor().lattice().is_none());
-    assert!(gpu.is_on_gpu() && gpu.device() != "CPU" && !cpu.is_on_gpu());
-    for frame in 0..4 {
-        let (ours, expected) = (gpu.frame(frame).unwrap(), cpu.frame(frame).unwrap());
-        assert!(ours.solve.launches > 0 && expected.solve.launches == 0);
-        for (a, b) in ours.capacitance.rows().flatten().zip(expected.capacitance.rows().flatten()) {
-            assert!((a - b).abs() < 1e-5 * expected.capacitance.get(0, 0), "{a:e} {b:e} {:?}", ours.solve);
-        }
-    }
 }
 
 /// Objects seen by a depth camera are found on the device, and on the processor for who looks.

@@ -45,7 +45,8 @@ impl Simulator {
     /// [`Simulator::network_problem`] tells of this sensor and these materials.
     ///
     /// # Errors
-    /// As [`Simulator::new`], and when the fields are not made for the sensor and these materials, the preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows, or what has
+    /// As [`Simulator::new`], and when the fields are not made for the sensor's mesh and these materials, the
+    /// preconditioner is not multigrid, a dielectric is more polarisable or a tolerance finer than single precision allows, or what has
     /// the fields finds objects of other materials by itself.
     pub fn with_remote(
         sensor: Sensor,
