@@ -7,14 +7,15 @@ mod common;
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::Connection;
+use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
-use common::{conductor, stripes_sensor, to};
+use common::{conductor, stripes_sensor, three_stripes, to};
 
 /// C11 and C22 for a bar with its lower face at these heights and shifted along y, in millimetres.
-fn sweep(places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
+fn sweep(sensor: Sensor, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
     let grounded = vec![conductor(Connection::Grounded)];
-    let mut simulator = Simulator::new(stripes_sensor(30_000), grounded, to(1e-9)).unwrap();
+    let mut simulator = Simulator::new(sensor, grounded, to(1e-9)).unwrap();
     let mut solids = Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) }]).unwrap();
     let step = |(height, shift)| {
         solids.place(&[Pose::at(1e-3 * DVec3::new(0.0, shift, height + 10.0))]).unwrap();
@@ -33,7 +34,7 @@ fn assert_falls(capacitances: &[[f64; 2]], electrode: usize) {
 
 #[test]
 fn every_step_upwards_is_felt() {
-    let found = sweep((0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)));
+    let found = sweep(stripes_sensor(30_000), (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)));
     (0..2).for_each(|electrode| assert_falls(&found, electrode));
 }
 
@@ -42,7 +43,7 @@ fn every_step_upwards_is_felt() {
 #[test]
 fn steps_sidewards_are_felt() {
     for height in [35.0, 50.0] {
-        let found = sweep((0..=180).map(|k| (height, 10.0 + 0.5 * f64::from(k))));
+        let found = sweep(stripes_sensor(30_000), (0..=180).map(|k| (height, 10.0 + 0.5 * f64::from(k))));
         for electrode in 0..2 {
             let steps: Vec<f64> =
                 found.windows(2).map(|pair| pair[1][electrode] - pair[0][electrode]).collect();
@@ -55,5 +56,24 @@ fn steps_sidewards_are_felt() {
             assert!(against < 0.02 * total, "{height} mm, electrode {electrode}: {against:e} of {total:e}");
             assert!(largest < 0.03 * total, "{height} mm, electrode {electrode}: {largest:e} of {total:e}");
         }
+    }
+}
+
+/// On the lattice that scenes have, no step differs from the one before by more than a tenth: neither faces nor walls that pass
+/// planes of nodes, nor corners, make kinks.
+#[test]
+fn steps_follow_from_the_steps_before() {
+    let design = three_stripes();
+    let sensor = Sensor::on_lattice(&design, &design.lattice(30_000).unwrap()).unwrap();
+    let upwards: Vec<_> = (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)).collect();
+    let sideways: Vec<_> = (0..=180).map(|k| (50.0, 10.0 + 0.5 * f64::from(k))).collect();
+    for (way, places) in [("upwards", upwards), ("sideways", sideways)] {
+        let found = sweep(sensor.clone(), places.iter().copied());
+        let falls: Vec<f64> = found.windows(2).map(|pair| pair[0][0] - pair[1][0]).collect();
+        let kinks = falls.windows(2).map(|pair| (pair[1] - pair[0]).abs() / pair[0].min(pair[1]));
+        let (place, kink) = places[1..].iter().zip(kinks).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+        println!("{way}: {kink:.3} at {place:?}");
+        assert!(falls.iter().all(|fall| *fall > 0.0), "{way}");
+        assert!(kink < 0.1, "{way}: {kink} at {place:?}");
     }
 }
