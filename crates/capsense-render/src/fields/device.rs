@@ -1,8 +1,10 @@
 //! The buffers and kernels of some scenes on one mesh, and how a frame of them is computed: changes go in, capacitances come
 //! out, nothing else.
 
+use super::binding::{Buffers, LAUNCH_STRIDE, bind_group, bind_group_layout, pipelines};
 use super::finder::{Finder, Finding};
 use super::launch::{Launch, Sharing, Work, kernels};
+use super::memory::{Reserve, read};
 use super::plan::{Grid, Level, MOST_GRIDS, MOST_LEVELS, Plan, Transfer};
 use super::shader;
 use crate::adapter::Adapter;
@@ -10,19 +12,12 @@ use crate::error::RenderError;
 use crate::gpu::Rows;
 use bytemuck::{Pod, Zeroable};
 use capsense_core::solver::Found;
-use std::time::Duration;
 
 /// Columns that can be told to start from zero.
 pub(super) const MOST_COLUMNS: usize = 31;
 
 /// Iterations that are kept account of.
 pub(super) const MOST_ITERATIONS: u32 = 30;
-
-/// A frame that takes longer than this counts as a driver that hangs.
-const FRAME_TIMEOUT: Duration = Duration::from_secs(120);
-
-/// Launches are told apart by their place in a uniform buffer.
-pub(super) const LAUNCH_STRIDE: u64 = 256;
 
 /// Words before the rows and feeds of all scenes: for each scene a header.
 pub(super) const HEADER: usize = 12;
@@ -123,18 +118,6 @@ pub(super) struct FieldDevice {
     /// What finds objects, if they are found on the device, and the scenes in which it is to.
     pub(super) finder: Option<Finder>,
     due: Vec<bool>,
-}
-
-/// What kernels read and write.
-#[derive(Debug)]
-pub(super) struct Buffers {
-    pub(super) maps: wgpu::Buffer,
-    pub(super) networks: wgpu::Buffer,
-    pub(super) vectors: wgpu::Buffer,
-    pub(super) holders: wgpu::Buffer,
-    pub(super) scratch: wgpu::Buffer,
-    pub(super) changes: wgpu::Buffer,
-    pub(super) results: wgpu::Buffer,
 }
 
 impl FieldDevice {
@@ -376,60 +359,6 @@ impl FieldDevice {
     }
 }
 
-/// Waits for all that was submitted and takes a buffer's values.
-pub(super) fn read(
-    adapter: &Adapter,
-    buffer: &wgpu::Buffer,
-    doing: &'static str,
-) -> Result<Vec<f32>, RenderError> {
-    let failed = |reason: String| RenderError::Driver { doing, reason };
-    // Whether mapping succeeded is told by `get_mapped_range`.
-    buffer.map_async(wgpu::MapMode::Read, .., |_| {});
-    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(FRAME_TIMEOUT) };
-    adapter.device.poll(wait).map_err(|error| failed(error.to_string()))?;
-    adapter.faults.check(doing)?;
-    let bytes = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
-    let values = bytemuck::try_cast_slice(&bytes).map_err(|error| failed(error.to_string()))?.to_vec();
-    drop(bytes);
-    buffer.unmap();
-    Ok(values)
-}
-
-/// Reserves graphics memory.
-pub(super) struct Reserve<'a> {
-    pub(super) adapter: &'a Adapter,
-}
-
-impl Reserve<'_> {
-    /// A buffer of so many bytes.
-    ///
-    /// # Errors
-    /// When they exceed the adapter's limits or its memory.
-    pub(super) fn buffer(
-        &self,
-        label: &'static str,
-        size: u64,
-        usage: wgpu::BufferUsages,
-    ) -> Result<wgpu::Buffer, RenderError> {
-        let Adapter { device, limits, .. } = self.adapter;
-        let limit = match usage.contains(wgpu::BufferUsages::STORAGE) {
-            true => limits.max_buffer_size.min(limits.max_storage_buffer_binding_size),
-            false => limits.max_buffer_size,
-        };
-        if size > limit {
-            return Err(RenderError::LimitExceeded { what: label, needed: size, limit });
-        }
-        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let descriptor =
-            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-        let buffer = device.create_buffer(&descriptor);
-        match pollster::block_on(scope.pop()) {
-            Some(_) => Err(RenderError::OutOfMemory { what: label, needed: size }),
-            None => Ok(buffer),
-        }
-    }
-}
-
 fn told(plan: &Plan, sharing: &Sharing, scratch_len: usize, scenes: usize) -> PlanUniform {
     let mut told = PlanUniform::zeroed();
     told.grids[..plan.grids.len()].copy_from_slice(&plan.grids);
@@ -449,86 +378,4 @@ fn told(plan: &Plan, sharing: &Sharing, scratch_len: usize, scenes: usize) -> Pl
         allowed_at: (HEADER * scenes) as u32,
         ..told
     }
-}
-
-/// Two uniform buffers, then storage: which of it kernels write to.
-const WRITTEN: [bool; 7] = [false, true, true, true, true, false, true];
-
-/// Two uniforms, the first of them a launch's, and the buffers.
-pub(super) fn bind_group_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let uniforms = [true, false].map(|has_dynamic_offset| wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset,
-        min_binding_size: None,
-    });
-    let storage = WRITTEN.map(|written| wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Storage { read_only: !written },
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    });
-    let entry = |(binding, ty): (usize, wgpu::BindingType)| wgpu::BindGroupLayoutEntry {
-        binding: binding as u32,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty,
-        count: None,
-    };
-    let entries: Vec<_> = uniforms.into_iter().chain(storage).enumerate().map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("fields"),
-        entries: &entries,
-    })
-}
-
-/// What kernels are bound to.
-pub(super) fn bind_group(
-    device: &wgpu::Device,
-    layout: &wgpu::BindGroupLayout,
-    launches: &wgpu::Buffer,
-    uniform: &wgpu::Buffer,
-    buffers: &Buffers,
-) -> wgpu::BindGroup {
-    let launch = wgpu::BufferBinding {
-        buffer: launches,
-        offset: 0,
-        size: wgpu::BufferSize::new(size_of::<Launch>() as u64),
-    };
-    let Buffers { maps, networks, vectors, holders, scratch, changes, results } = buffers;
-    let storage = [uniform, maps, networks, vectors, holders, scratch, changes, results];
-    let resources = storage.map(wgpu::Buffer::as_entire_binding);
-    let resources = std::iter::once(wgpu::BindingResource::Buffer(launch)).chain(resources);
-    let entries: Vec<_> = resources
-        .enumerate()
-        .map(|(binding, resource)| wgpu::BindGroupEntry { binding: binding as u32, resource })
-        .collect();
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("fields"), layout, entries: &entries })
-}
-
-/// The kernels of these entry points.
-pub(super) fn pipelines(
-    device: &wgpu::Device,
-    layouts: [Option<&wgpu::BindGroupLayout>; 2],
-    entries: &[&str],
-    source: &str,
-) -> Vec<wgpu::ComputePipeline> {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("fields"),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let count = layouts.iter().flatten().count();
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("fields"),
-        bind_group_layouts: &layouts[..count],
-        immediate_size: 0,
-    });
-    let pipeline = |entry: &&str| {
-        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: Default::default(),
-            cache: None,
-        })
-    };
-    entries.iter().map(pipeline).collect()
 }

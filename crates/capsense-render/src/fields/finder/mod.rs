@@ -7,7 +7,7 @@
 mod placed;
 mod tables;
 
-use super::device::Reserve;
+use super::memory::Reserve;
 use super::solids::{EdgeTrees, SOLID_WORDS};
 use crate::adapter::Adapter;
 use crate::error::RenderError;

@@ -6,10 +6,9 @@ use super::plan::{Level, MOST_LEVELS, Plan};
 use super::shader;
 use crate::adapter::Adapter;
 use crate::error::RenderError;
-use crate::fields::device::{
-    Buffers, LAUNCH_STRIDE, MOST_COLUMNS, MOST_ITERATIONS, Reserve, SceneResult, Traffic, bind_group,
-    bind_group_layout, pipelines, read,
-};
+use crate::fields::binding::{Buffers, LAUNCH_STRIDE, bind_group, bind_group_layout, pipelines};
+use crate::fields::device::{MOST_COLUMNS, MOST_ITERATIONS, SceneResult, Traffic};
+use crate::fields::memory::{Reserve, read};
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
