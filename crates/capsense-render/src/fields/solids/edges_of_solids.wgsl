@@ -22,7 +22,7 @@ fn in_face_distance() -> f32 {
 fn in_face(around: Surroundings, star: Star) -> f32 {
     var on_edge = around.on_edge;
     let axis = around.edge.axis;
-    let away = in_face_distance();
+    var away = in_face_distance();
     let b = (axis + 1u) % 3u;
     let c = (axis + 2u) % 3u;
     var may_hold = false;
@@ -32,6 +32,8 @@ fn in_face(around: Surroundings, star: Star) -> f32 {
         if (is_conductor(object) || is_hit(on_edge[object])) { continue; }
         let solid = solid_of(object);
         may_hold = may_hold || has_face_across(solid, b) || has_face_across(solid, c);
+        // Lines beside the edge must reach into the solid, which is smaller than stated.
+        away = max(away, 3.0 * SHRINK * max(solid.size.x, max(solid.size.y, solid.size.z)));
     }
     if (!has_strong || !may_hold) { return -1.0; }
     var sum = 0.0;
