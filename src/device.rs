@@ -6,7 +6,6 @@ use capsense_core::occupancy::Interface;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
 use capsense_core::solver::RemoteProblem;
-use capsense_render::RenderError;
 use capsense_render::fields::{Camera, GpuFields, GpuNetwork, Objects};
 
 /// What a scene asks for.
@@ -86,9 +85,9 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
     let problem = Simulator::remote_problem(&sensor, &materials)?;
     let gpu = match finding_objects(scene, &sensor, &problem, allow_software) {
         Some(gpu) => gpu,
-        None => GpuFields::new(&problem, 1, allow_software),
+        // It may have what fields need and lack what objects do; where it lacks both, this tells.
+        None => GpuFields::new(&problem, 1, allow_software).map_err(PipelineError::Device)?,
     };
-    let gpu = gpu.map_err(PipelineError::Device)?;
     let fields = gpu
         .scene(0, problem.columns)
         .ok_or(SimulatorError::NotForDevice("its fields are given out already"))?;
@@ -96,14 +95,14 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
     Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
 }
 
-/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, solids of triangles, or
-/// more than the adapter takes.
+/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges or solids of triangles, or the
+/// adapter does not suffice for it.
 fn finding_objects(
     scene: &Scene,
     sensor: &Sensor,
     problem: &RemoteProblem,
     allow_software: bool,
-) -> Option<Result<GpuFields, RenderError>> {
+) -> Option<GpuFields> {
     if scene.interface != Interface::EdgeCut {
         return None;
     }
@@ -119,12 +118,5 @@ fn finding_objects(
         }
         Geometry::Solids(_) => GpuFields::with_solids(of_sensor, &objects, allow_software),
     };
-    match gpu {
-        Err(
-            RenderError::LimitExceeded { .. }
-            | RenderError::OutOfMemory { .. }
-            | RenderError::NotConvex { .. },
-        ) => None,
-        fields => Some(fields),
-    }
+    gpu.ok()
 }

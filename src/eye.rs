@@ -68,26 +68,23 @@ impl Eye {
         })
     }
 
-    /// Sees the objects where they are now, and returns whether that may be another place than before.
-    pub(crate) fn look(&mut self, poses: &[Pose]) -> Result<bool, PipelineError> {
+    /// Sees the objects where they are now.
+    pub(crate) fn look(&mut self, poses: &[Pose]) -> Result<(), PipelineError> {
         match self {
             Self::Camera(camera) => {
                 camera.renderer.render(poses, &mut camera.layers)?;
                 if camera.back_fill {
                     camera.layers.back_fill();
                 }
-                Ok(true)
             }
-            Self::Solids(solids) => {
-                solids.place(poses)?;
-                Ok(true)
-            }
-            Self::Device(device) => Ok(device.place(poses)?),
+            Self::Solids(solids) => solids.place(poses)?,
+            Self::Device(device) => device.place(poses)?,
             Self::SolidsOnDevice(gpu, solids) => {
                 solids.place(poses)?;
-                Ok(gpu.place(0, poses)?)
+                gpu.place(0, poses)?;
             }
         }
+        Ok(())
     }
 
     /// Whether the device that has the fields finds the objects.
@@ -106,14 +103,13 @@ impl Eye {
 }
 
 impl DeviceEye {
-    fn place(&mut self, poses: &[Pose]) -> Result<bool, RenderError> {
-        let is_news = self.gpu.place(0, poses)?;
-        if is_news {
+    fn place(&mut self, poses: &[Pose]) -> Result<(), RenderError> {
+        if self.gpu.place(0, poses)? {
             self.poses.clear();
             self.poses.extend_from_slice(poses);
             self.is_drawn = false;
         }
-        Ok(is_news)
+        Ok(())
     }
 
     /// What the camera sees, drawn here if that was not done since objects moved.

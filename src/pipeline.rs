@@ -164,17 +164,16 @@ impl Pipeline {
             held.unwrap_or_else(|| object.motion.pose_at(time_s))
         };
         self.poses.extend(self.objects.iter().zip(held).map(pose_of));
-        let is_news = self.eye.look(&self.poses)?;
+        self.eye.look(&self.poses)?;
         let seen = Instant::now();
         match &self.eye {
             Eye::Camera(camera) => self.simulator.update(&camera.layers).map(|_| ())?,
             Eye::Solids(solids) => self.simulator.update(solids).map(|_| ())?,
-            Eye::Device(_) | Eye::SolidsOnDevice(..) if is_news => self.simulator.update_elsewhere()?,
-            Eye::Device(_) | Eye::SolidsOnDevice(..) => {}
+            Eye::Device(_) | Eye::SolidsOnDevice(..) => self.simulator.update_elsewhere()?,
         }
         let updated = Instant::now();
         let solve = self.simulator.solve()?;
-        let changed_edges = if is_news { self.simulator.changed_edges() } else { 0 };
+        let changed_edges = self.simulator.changed_edges();
         let solved = Instant::now();
         Ok(Frame {
             index,

@@ -256,9 +256,9 @@ impl Fields {
         }
     }
 
-    /// Objects that are found where fields are were placed anew.
-    pub(crate) fn placed_elsewhere(&mut self) {
-        self.solver.placed_elsewhere();
+    /// Takes over that objects were placed anew that are found where fields are, and returns whether they were.
+    pub(crate) fn take_placed_elsewhere(&mut self) -> bool {
+        self.solver.take_placed_elsewhere()
     }
 
     /// What was found of objects where fields are, if they are found there.

@@ -73,7 +73,8 @@ impl Simulator {
     }
 
     /// What stands for [`Simulator::update`] where the device that has the fields finds the objects by itself
-    /// ([`RemoteFields::finds`]): they were placed anew. What they change is found when it is solved for.
+    /// ([`RemoteFields::finds`]): takes over that they were placed anew, if they were. What they change is found when it is solved
+    /// for.
     ///
     /// # Errors
     /// When the fields are not on such a device.
@@ -81,8 +82,7 @@ impl Simulator {
         if self.fields.found().is_none() {
             return Err(SimulatorError::NotForDevice("objects are not found where the fields are"));
         }
-        self.is_unseen = true;
-        self.fields.placed_elsewhere();
+        self.is_unseen |= self.fields.take_placed_elsewhere();
         Ok(())
     }
 

@@ -181,12 +181,12 @@ impl FieldSolver {
         }
     }
 
-    /// Objects that are found where fields are were placed anew.
-    pub(crate) fn placed_elsewhere(&mut self) {
-        self.bracket.is_lost = true;
-        if let Vectors::Remote(fields) = &mut self.vectors {
-            fields.placed();
-        }
+    /// Takes over that objects were placed anew that are found where fields are, and returns whether they were.
+    pub(crate) fn take_placed_elsewhere(&mut self) -> bool {
+        let Vectors::Remote(fields) = &mut self.vectors else { return false };
+        let is_news = fields.take_placed();
+        self.bracket.is_lost |= is_news;
+        is_news
     }
 
     /// What was found of objects where fields are, if they are found there.

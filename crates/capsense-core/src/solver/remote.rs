@@ -169,6 +169,11 @@ pub trait RemoteFields: Debug + Send {
         None
     }
 
+    /// Has the next solve find the objects if they were placed anew since this was last called, and returns whether they were.
+    fn take_placed(&mut self) -> bool {
+        false
+    }
+
     /// The potentials of all nodes in one column.
     ///
     /// # Errors
@@ -324,10 +329,17 @@ impl RemoteSolver {
         }
     }
 
-    /// Objects that are found elsewhere were placed anew: all that links add to energies is known there.
-    pub(crate) fn placed(&mut self) {
-        self.is_changed = true;
-        self.constant.fill(0.0);
+    /// Has objects that are found elsewhere found again if they were placed anew, and returns whether they were. All that links add
+    /// to energies is known there from then on.
+    pub(crate) fn take_placed(&mut self) -> bool {
+        let is_news = self.remote.take_placed();
+        if is_news {
+            self.is_changed = true;
+            self.constant.fill(0.0);
+        } else if let Some(found) = &mut self.found {
+            found.changed_edges = 0;
+        }
+        is_news
     }
 
     /// What was found of objects elsewhere, if they are found there.

@@ -145,21 +145,19 @@ impl GpuFields {
     }
 
     /// Takes over where the objects of a scene are, if they are found on the device ([`GpuFields::with_camera`]), and returns
-    /// whether that is another place than before: if not, there is nothing to compute.
+    /// whether that is another place than before. They are found there by the first solve after
+    /// [`Simulator::update_elsewhere`](capsense_core::simulator::Simulator::update_elsewhere), which has nothing to do where they are
+    /// not.
     ///
     /// # Errors
     /// When there is no such scene, or not one valid pose for each of its objects.
     pub fn place(&self, scene: usize, poses: &[Pose]) -> Result<bool, RenderError> {
         let mut shared = self.lock();
         let Shared { device, scenes, .. } = &mut *shared;
-        let (Some(finder), Some(state)) = (&mut device.finder, scenes.get_mut(scene)) else {
+        let Some(finder) = device.finder.as_mut().filter(|_| scene < scenes.len()) else {
             return Err(RenderError::PoseCount { poses: poses.len(), objects: 0 });
         };
-        let is_new = finder.place(scene, poses)?;
-        if is_new {
-            state.solved = None;
-        }
-        Ok(is_new)
+        finder.place(scene, poses)
     }
 
     /// Whether objects are found on the device, too.
@@ -384,6 +382,16 @@ impl RemoteFields for SceneFields {
 
     fn finds(&self) -> Option<Vec<Material>> {
         self.fields.lock().device.finder.as_ref().map(|finder| finder.materials(self.scene))
+    }
+
+    fn take_placed(&mut self) -> bool {
+        let mut shared = self.fields.lock();
+        let Shared { device, scenes, .. } = &mut *shared;
+        let is_news = device.finder.as_mut().is_some_and(|finder| finder.take_placed(self.scene));
+        if is_news {
+            scenes[self.scene].solved = None;
+        }
+        is_news
     }
 
     fn potentials(&self, column: usize) -> Result<Vec<f32>, SolveError> {

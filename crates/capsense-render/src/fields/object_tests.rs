@@ -11,7 +11,7 @@ use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::occupancy::{DepthLayers, Interface, NO_OBJECT, OrthographicView};
 use capsense_core::sensor::{FREE, Sensor, SensorDesign, Substrate, Wall};
-use capsense_core::simulator::{Simulator, SimulatorError};
+use capsense_core::simulator::{Simulator, SimulatorError, StepReport};
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
@@ -353,10 +353,12 @@ fn scenes_of_a_batch_have_the_bits_of_each_alone() {
             let capacitances = batch.simulators().iter().map(|one| one.capacitance().clone());
             together.push(capacitances.collect::<Vec<_>>());
         }
-        // A touch is told of the scene that it is in; the others were not placed again.
+        // A touch is told of the scene that it is in; the others were not placed again, and nothing of them is computed.
         assert!(gpu.place(2, &[pose([0.0, 0.0, 0.03], DVec3::X, 0.0)]).unwrap());
-        let reports = batch.step_elsewhere();
-        assert!(reports.iter().all(Result::is_ok), "{reports:?}");
+        let reports: Vec<_> = batch.step_elsewhere().into_iter().map(Result::unwrap).collect();
+        assert!(reports[2].changed_edges > 0 && !reports[2].solve.skipped, "{reports:?}");
+        let is_idle = |report: &StepReport| report.changed_edges == 0 && report.solve.skipped;
+        assert!(reports[..2].iter().all(is_idle), "{reports:?}");
         let touched: Vec<usize> = batch.simulators().iter().map(|one| one.contacts().len()).collect();
         assert_eq!(touched, [0, 0, 1], "{tets}");
         let (gpu, alone) = batch_of(&sensor, camera, &objects);
@@ -373,6 +375,33 @@ fn scenes_of_a_batch_have_the_bits_of_each_alone() {
             }
         }
     }
+}
+
+/// Objects that were placed before there was a simulator are none of its empty scene; where none were ever placed, frames are the
+/// empty scene's; and what was not moved is not computed again.
+#[test]
+fn objects_are_found_once_the_simulator_took_over_where_they_are() {
+    let sensor = sensor(9_000, false, Wall::Grounded);
+    let camera =
+        Camera { view: OrthographicView { domain: DOMAIN, width: 32, height: 32 }, back_fill: false };
+    let objects = Objects { shapes: shapes()[..1].to_vec(), materials: vec![FLOATING] };
+    let here = [pose([0.01, 0.0, 0.09], DVec3::X, 0.2)];
+    let (gpu, mut after) = with_camera(&sensor, camera, &objects);
+    let empty = after.step_elsewhere().unwrap();
+    assert_eq!((after.capacitance(), empty.changed_edges), (after.base(), 0));
+    assert!(gpu.place(0, &here).unwrap());
+    let _ = after.step_elsewhere().unwrap();
+    let problem = Simulator::remote_problem(&sensor, &objects.materials).unwrap();
+    let gpu = GpuFields::with_camera((&problem, &sensor), camera, std::slice::from_ref(&objects), true);
+    let gpu = gpu.unwrap();
+    assert!(gpu.place(0, &here).unwrap());
+    let mut before = simulator_on(&sensor, &gpu, 0, &objects.materials);
+    assert_eq!(before.base(), after.base());
+    assert!(before.step_elsewhere().unwrap().changed_edges > 0);
+    assert_eq!(before.capacitance(), after.capacitance());
+    let again = before.step_elsewhere().unwrap();
+    assert_eq!((again.changed_edges, again.solve.skipped, again.solve.launches), (0, true, 0));
+    assert_eq!(before.capacitance(), after.capacitance());
 }
 
 /// What is asked for in the wrong way or place is an error, never another number.

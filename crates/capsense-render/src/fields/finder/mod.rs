@@ -209,12 +209,17 @@ impl Finder {
         self.scenes[scene].place(poses)
     }
 
+    /// Has the next solve find a scene's objects if they were placed since this was last called, and returns whether they were.
+    pub(super) fn take_placed(&mut self, scene: usize) -> bool {
+        self.scenes[scene].take()
+    }
+
     /// Whether an object has a column, which is to be empty where the object is nowhere.
     pub(super) fn has_columns(&self) -> bool {
         self.scenes.iter().any(|placed| placed.columns(self.electrodes) != 0)
     }
 
-    /// Whether a scene's objects were placed and not found there yet.
+    /// Whether a scene's objects are to be found by the next solve.
     pub(super) fn is_due(&self, scene: usize) -> bool {
         self.scenes[scene].is_due
     }
@@ -237,7 +242,7 @@ impl Finder {
             }
         }
         let columns = placed.columns(self.electrodes);
-        [placed.objects() as u32, at, u32::from(is_due), columns, u32::from(placed.was_placed)]
+        [placed.objects() as u32, at, u32::from(is_due), columns, u32::from(placed.was_due)]
     }
 
     /// Draws the objects of all scenes that were told of as placed anew.

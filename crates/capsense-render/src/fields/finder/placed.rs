@@ -54,9 +54,12 @@ pub(super) struct Placed {
     holders: Vec<u32>,
     poses: Vec<Pose>,
     visible: Vec<bool>,
-    /// Whether objects were placed and not found there yet.
+    was_placed: bool,
+    /// Whether objects were placed since the simulator last took over that they were.
+    is_news: bool,
+    /// Whether it took that over and they were not found there yet.
     pub(super) is_due: bool,
-    pub(super) was_placed: bool,
+    pub(super) was_due: bool,
 }
 
 impl Placed {
@@ -78,8 +81,10 @@ impl Placed {
             holders,
             poses: Vec::new(),
             visible,
-            is_due: false,
             was_placed: false,
+            is_news: false,
+            is_due: false,
+            was_due: false,
         }
     }
 
@@ -104,8 +109,16 @@ impl Placed {
         }
         self.poses.clear();
         self.poses.extend_from_slice(poses);
-        (self.is_due, self.was_placed) = (true, true);
+        (self.is_news, self.was_placed) = (true, true);
         Ok(true)
+    }
+
+    /// Has the next solve find objects that were placed since this was last called, and returns whether any were.
+    pub(super) fn take(&mut self) -> bool {
+        let is_news = std::mem::take(&mut self.is_news);
+        self.is_due |= is_news;
+        self.was_due |= is_news;
+        is_news
     }
 
     /// Adds the objects' words, and returns how they are drawn.

@@ -164,10 +164,12 @@ impl RemoteFields for NetworkFields {
     fn update(&mut self, changes: Changes<'_>) -> Result<(), SolveError> {
         let mut shared = self.network.lock();
         shared.check()?;
-        match shared.network.take(&changes) {
-            true => Ok(()),
-            false => Err(SolveError::Device { reason: "its fields were made for another mesh".to_owned() }),
+        if !shared.network.take(&changes) {
+            // Some were taken, so nothing that is known of the network can be trusted any more.
+            let reason = "its fields were made for another mesh".to_owned();
+            shared.failed = Some(SolveError::Device { reason });
         }
+        shared.check()
     }
 
     fn solve(

@@ -176,7 +176,11 @@ fn faces_in_planes_and_round_bodies_are_those_of_the_processor() {
         [low, high].map(|place| DVec3::from_array([0, 1, 2].map(|axis| near(axis, place[axis]))))
     };
     let mut scenes = Vec::new();
-    let boxes = [([-0.1, -0.08, 0.05], [0.06, 0.1, 0.12]), ([-0.03, -0.03, 0.0], [0.03, 0.03, 0.08])];
+    let boxes = [
+        ([-0.1, -0.08, 0.05], [0.06, 0.1, 0.12]),
+        ([-0.03, -0.03, 0.0], [0.03, 0.03, 0.08]),
+        ([-0.05, -0.28, 0.05], [0.05, 0.28, 0.12]),
+    ];
     for [low, high] in boxes.map(|(low, high)| planes(low, high)) {
         let (size, centre) = (high - low, 0.5 * (low + high));
         let upright = Shape::Cylinder { radius: 0.045, length: size.z };
