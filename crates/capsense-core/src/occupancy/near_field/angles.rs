@@ -42,34 +42,49 @@ impl RightAngles {
 
     #[inline(always)]
     fn nearest_of_box(&self, half: DVec3, local: DVec3) -> RightAngle {
-        let outside = local.abs() - half;
-        let squared = outside * outside;
-        let beyond = outside.max(DVec3::ZERO);
-        // For edges along each axis.
-        let distances = DVec3::splat(squared.element_sum()) - squared + beyond * beyond;
-        let corner = half.copysign(local);
+        let [outside, squared] = distances_of_box(half, local);
+        let axis = if squared.x <= squared.y && squared.x <= squared.z {
+            0
+        } else if squared.y <= squared.z {
+            1
+        } else {
+            2
+        };
+        self.of_box(half, local, axis, -outside[axis])
+    }
+
+    /// Of the four edges of a box along an axis, that which is nearest to a point of the box's frame; the place on it is so far
+    /// from its end.
+    #[inline(always)]
+    pub(super) fn of_box(&self, half: DVec3, local: DVec3, axis: usize, inside: f64) -> RightAngle {
         let turn = &self.sensor_from_object.matrix3;
         let side = DVec3::ONE.copysign(local);
-        let (place, inside, across, normals) = if distances.x <= distances.y && distances.x <= distances.z {
-            let place = DVec3::new(local.x, corner.y, corner.z);
-            (place, -outside.x, half.y.min(half.z), [turn.y_axis * side.y, turn.z_axis * side.z])
-        } else if distances.y <= distances.z {
-            let place = DVec3::new(corner.x, local.y, corner.z);
-            (place, -outside.y, half.z.min(half.x), [turn.z_axis * side.z, turn.x_axis * side.x])
-        } else {
-            let place = DVec3::new(corner.x, corner.y, local.z);
-            (place, -outside.z, half.x.min(half.y), [turn.x_axis * side.x, turn.y_axis * side.y])
+        let mut place = half.copysign(local);
+        let (thickness, normals) = match axis {
+            0 => {
+                place.x = local.x;
+                ([half.y, half.z], [turn.y_axis * side.y, turn.z_axis * side.z])
+            }
+            1 => {
+                place.y = local.y;
+                ([half.z, half.x], [turn.z_axis * side.z, turn.x_axis * side.x])
+            }
+            _ => {
+                place.z = local.z;
+                ([half.x, half.y], [turn.x_axis * side.x, turn.y_axis * side.y])
+            }
         };
         RightAngle {
             place: self.sensor_from_object.transform_point3(place),
             normals,
             inside,
             radius: f64::INFINITY,
-            thickness: 2.0 * across,
+            thickness: thickness.map(|half| 2.0 * half),
             breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),
         }
     }
 
+    #[inline]
     fn rim(&self, radius: f64, half_length: f64, local: DVec3) -> Option<RightAngle> {
         let outwards = local.truncate().try_normalize()?;
         let turn = &self.sensor_from_object.matrix3;
@@ -79,8 +94,18 @@ impl RightAngles {
             normals: [*turn * outwards.extend(0.0), *turn * (DVec3::Z * 1.0_f64.copysign(local.z))],
             inside: f64::INFINITY,
             radius,
-            thickness: 2.0 * radius.min(half_length),
+            thickness: [2.0 * radius, 2.0 * half_length],
             breadth: 2.0 * radius,
         })
     }
+}
+
+/// How far a point of a box's frame is before its faces, along each axis, and the squares of its distances from the nearest
+/// edges along each.
+#[inline(always)]
+pub(super) fn distances_of_box(half: DVec3, local: DVec3) -> [DVec3; 2] {
+    let outside = local.abs() - half;
+    let squared = outside * outside;
+    let beyond = outside.max(DVec3::ZERO);
+    [outside, DVec3::splat(squared.element_sum()) - squared + beyond * beyond]
 }

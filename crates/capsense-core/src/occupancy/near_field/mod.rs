@@ -20,6 +20,7 @@ mod angles;
 mod field;
 mod link;
 mod round;
+mod row;
 mod star;
 
 pub use angles::{RightAngled, RightAngles};
@@ -35,9 +36,12 @@ use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
-use glam::{DMat3, DVec3};
-use link::{FindLinks, Unlinked};
+use glam::DVec3;
+use std::ops::Range;
+use link::{LinkBatch, NEIGHBOURS, Unlinked};
+use row::{FindNearest, NearestEdges};
 use star::Stars;
+use star::RowCells;
 pub(super) use star::{Row, Star};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
@@ -96,6 +100,18 @@ impl KnownField {
             (None, None) => Self::None,
         }
     }
+
+    /// The right angles of a box, and half its edge lengths, if it is one.
+    #[inline]
+    fn of_box(&self) -> Option<(&RightAngles, DVec3)> {
+        match self {
+            Self::Edges(angles) => match angles.solid {
+                RightAngled::Box(half) => Some((angles, half)),
+                RightAngled::Cylinder { .. } => None,
+            },
+            _ => None,
+        }
+    }
 }
 
 /// The field near a conductor.
@@ -106,12 +122,63 @@ pub(super) enum Near {
 }
 
 impl Near {
-    /// How thick the conductor is, and the middle one of its extents.
-    fn thickness_and_breadth(&self) -> [f64; 2] {
+    /// Whether no edge of a mesh, of these lengths along the axes, can have both its ends before the conductor and meet it.
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
         match self {
-            Self::Edge(angle) => [angle.thickness, angle.breadth],
-            Self::Round(round) => [round.diameter(); 2],
+            Self::Edge(angle) => angle.is_thicker_than(lengths),
+            Self::Round(round) => lengths.max_element() <= round.diameter(),
         }
+    }
+
+    /// The middle one of the conductor's extents.
+    fn breadth(&self) -> f64 {
+        match self {
+            Self::Edge(angle) => angle.breadth,
+            Self::Round(round) => round.diameter(),
+        }
+    }
+}
+
+/// What nodes are looked at with.
+#[derive(Clone, Copy)]
+struct Look<'a> {
+    scene: &'a Scene<'a>,
+    stars: &'a Stars,
+    /// The conductors that hold nodes.
+    conductors: &'a [u16],
+}
+
+impl Look<'_> {
+    /// The way to a neighbour of a node, negative if below, and the area of the dual face of the edge to it over its length; zero
+    /// if there is none, or a conductor holds it.
+    #[inline(always)]
+    fn way_and_weight(&self, star: &Star<'_>, number: usize, object: u16) -> (f64, f64) {
+        let (axis, side) = (number / 2, number % 2);
+        let (node, step) = star.step(axis, side);
+        let is_held = self.conductors[node] == object;
+        (step, if is_held { 0.0 } else { star.area(axis) * star.inverse(axis, side) })
+    }
+
+    /// Whether an object is between two nodes.
+    fn is_between(&self, object: u16, node: usize, other: usize) -> bool {
+        let [from, to] = [node, other].map(|node| self.scene.mesh.nodes[node]);
+        self.scene.surfaces.span(object.into(), from, to).is_some()
+    }
+
+    /// What a node makes of a round surface.
+    fn linked_to_round(&self, star: &Star<'_>, round: &RoundNear, unlinked: &Unlinked) -> AtWedge {
+        let potential = |node: usize| round.potential(self.scene.mesh.nodes[node]);
+        let mut neighbours = [(0.0, 0.0); NEIGHBOURS];
+        for (number, neighbour) in neighbours.iter_mut().enumerate() {
+            let (_, weight) = self.way_and_weight(star, number, unlinked.at.object);
+            if weight != 0.0 {
+                let node = self.stars.neighbour_of(star.node, number);
+                if !self.is_between(unlinked.at.object, star.node, node) {
+                    *neighbour = (weight, potential(node));
+                }
+            }
+        }
+        unlinked.linked(potential(star.node), neighbours)
     }
 }
 
@@ -123,18 +190,14 @@ pub(super) struct Wedges {
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
-    /// Room for nodes whose links are to be found, and how many these are.
-    unlinked: Vec<Unlinked>,
-    waiting: usize,
+    /// What the nodes at hand make of each object, if it is a box.
+    nearest: Vec<NearestEdges>,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
     /// of their edges exist.
     around: Vec<(u32, u8)>,
 }
-
-/// Links of so many nodes are found together.
-const TOGETHER: usize = 16;
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
@@ -146,50 +209,89 @@ impl Wedges {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
             self.stars = Stars::of(lattice);
-            self.unlinked.resize(TOGETHER, Unlinked::NONE);
         }
         if self.at.is_empty() {
             return;
         }
-        let (mut nodes, stars) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.stars));
+        let stars = std::mem::take(&mut self.stars);
+        let mut nearest = std::mem::take(&mut self.nearest);
+        if nearest.len() < scene.bounds.len() {
+            nearest.resize(scene.bounds.len(), NearestEdges::NONE);
+        }
+        let mut nodes = std::mem::take(&mut self.nodes);
         let mut row = Row::default();
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
-        nodes.drain(|node| {
-            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
-                let at = AtWedge::NONE;
-                if self.at[node] != at {
-                    let sides = stars.at(node, &mut row).sides();
-                    self.settle(node, sides, at);
-                }
-                return;
-            }
-            let star = stars.at(node, &mut row);
-            if scene.is_linked(&star, conductors, &mut self.unlinked[self.waiting]) {
-                self.waiting += 1;
-                if self.waiting == TOGETHER {
-                    self.link();
-                }
-            } else {
-                let (sides, is_beside) = (star.sides(), scene.is_beside(&star));
-                self.settle(node, sides, AtWedge { is_beside, ..AtWedge::NONE });
+        let mut batch = LinkBatch::EMPTY;
+        let look = Look { scene, stars: &stars, conductors };
+        nodes.drain_runs(|mut run| {
+            while !run.is_empty() {
+                run.start = self.look_at_row(&look, run.clone(), &mut row, &mut nearest, &mut batch);
             }
         });
-        self.link();
-        (self.nodes, self.stars) = (nodes, stars);
+        self.link(&look, &mut batch);
+        (self.nodes, self.nearest, self.stars) = (nodes, nearest, stars);
+    }
+
+    /// Looks at those of some nodes that are in the row of the first, and returns the one after them. Links are found once
+    /// enough nodes wait for theirs.
+    fn look_at_row(
+        &mut self,
+        look: &Look<'_>,
+        nodes: Range<usize>,
+        row: &mut Row,
+        nearest: &mut [NearestEdges],
+        batch: &mut LinkBatch,
+    ) -> usize {
+        let Look { scene, stars, conductors } = *look;
+        let (nodes, cells) = stars.in_row(&nodes, row);
+        scene.find_nearest_edges(&cells, nearest);
+        let may_be_beside = scene.may_have_edges_in_row(&stars.at(nodes.start, row));
+        for (number, node) in nodes.clone().enumerate() {
+            let star = stars.at(node, row);
+            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
+                if self.at[node] != AtWedge::NONE {
+                    self.settle(node, star.sides(), AtWedge::NONE);
+                }
+                continue;
+            }
+            let is_beside = || may_be_beside && scene.is_beside(&star);
+            let found = scene.nearest(node, &star, |object| match scene.fields[object].of_box() {
+                Some((angles, half)) => {
+                    let (angle, share) = nearest[object].at(number, angles, half)?;
+                    Some((Near::Edge(angle), share))
+                }
+                None => scene.near(object, node, &star),
+            });
+            let unlinked = found.as_ref().and_then(|(object, near, share)| {
+                scene.unlinked(&star, (*object, near, *share), is_beside).map(|unlinked| (near, unlinked))
+            });
+            match unlinked {
+                None => self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE }),
+                Some((Near::Round(round), unlinked)) => {
+                    let at = look.linked_to_round(&star, round, &unlinked);
+                    self.settle(node, unlinked.sides, at);
+                }
+                Some((Near::Edge(angle), unlinked)) => {
+                    let weight = |number: usize| look.way_and_weight(&star, number, unlinked.at.object);
+                    batch.push(unlinked, scene.mesh.nodes[node], angle, weight);
+                    if batch.is_full() {
+                        self.link(look, batch);
+                    }
+                }
+            }
+        }
+        nodes.end
     }
 
     /// Finds the links that are missing.
-    fn link(&mut self) {
-        let mut unlinked = std::mem::take(&mut self.unlinked);
-        let found = &mut unlinked[..std::mem::take(&mut self.waiting)];
-        pulp::Arch::new().dispatch(FindLinks(found));
-        for &mut Unlinked { node, sides, at, .. } in found {
-            self.settle(node, sides, at);
-        }
-        self.unlinked = unlinked;
+    fn link(&mut self, look: &Look<'_>, batch: &mut LinkBatch) {
+        let is_hidden = |unlinked: &Unlinked, number: usize| {
+            look.is_between(unlinked.at.object, unlinked.node, look.stars.neighbour_of(unlinked.node, number))
+        };
+        batch.drain(is_hidden, |unlinked, at| self.settle(unlinked.node, unlinked.sides, at));
     }
 
     /// Notes what a node makes of edges of conductors, and what of that is new.
@@ -256,42 +358,74 @@ impl Scene<'_> {
         self.has_edges_in(&star.bounds())
     }
 
-    /// Whether a node is near an edge of a conductor, or a round one, and if so, what it makes of it, but for the link.
-    /// `conductors` are those that hold nodes.
-    fn is_linked(&self, star: &Star<'_>, conductors: &[u16], unlinked: &mut Unlinked) -> bool {
-        if self.mesh.terminals[star.node] != FREE {
-            return false;
+    /// Finds the nearest edges of all boxes that are conductors for a piece of a row.
+    fn find_nearest_edges(&self, row: &RowCells<'_>, nearest: &mut [NearestEdges]) {
+        for (object, nearest) in nearest.iter_mut().enumerate().take(self.bounds.len()) {
+            let Some((angles, half)) = self.fields[object].of_box().filter(|_| self.is_conductor(object)) else {
+                continue;
+            };
+            let bounds = &self.bounds[object];
+            let is_far = (0..2).any(|across| {
+                let plane = &row.across[across];
+                let place = plane.at.clamp(bounds.min[1 + across], bounds.max[1 + across]);
+                plane.cells_to(place - plane.at) >= FAR
+            });
+            if is_far {
+                nearest.clear();
+            } else {
+                pulp::Arch::new().dispatch(FindNearest { angles, half, row: *row, nearest });
+            }
         }
-        let Some((object, near, share)) = self.nearest(star.node, star) else { return false };
-        let Some((_, length)) = star.neighbour(CARRIER, true) else { return false };
-        if !self.is_homogeneous(star) {
-            return false;
-        }
-        let longest = star.longest();
-        let [thickness, breadth] = near.thickness_and_breadth();
-        let is_all = share >= 1.0 && thickness >= longest;
-        // All of a share means that the edge is less than a cell away.
-        let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
-        unlinked.node = star.node;
-        unlinked.sides = star.sides();
-        unlinked.at =
-            AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
-        unlinked.share = share;
-        unlinked.of_negative = (breadth / longest - 1.0).clamp(0.0, 1.0);
-        unlinked.length = length;
-        unlinked.area = star.area(CARRIER);
-        match &near {
-            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, unlinked),
-            Near::Round(round) => self.look_around_round(star, object, round, conductors, unlinked),
-        }
-        true
     }
 
-    /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links.
+    /// Whether conductors may have edges among the cells around the nodes of a row, one of which this is.
+    fn may_have_edges_in_row(&self, star: &Star<'_>) -> bool {
+        let Aabb { min, max } = star.bounds();
+        let is_across =
+            |bounds: &Aabb| (1..3).all(|axis| bounds.min[axis] <= max[axis] && bounds.max[axis] >= min[axis]);
+        (0..self.bounds.len()).any(|object| self.is_conductor(object) && is_across(&self.bounds[object]))
+    }
+
+    /// A node near an edge of a conductor, or a round one, and what it makes of it, but for the link; `None` where such links
+    /// are not known.
     #[inline]
-    pub(super) fn nearest(&self, node: usize, cells: &impl Cells) -> Option<(usize, Near, f64)> {
+    fn unlinked(
+        &self,
+        star: &Star<'_>,
+        (object, near, share): (usize, &Near, f64),
+        has_edges_beside: impl Fn() -> bool,
+    ) -> Option<Unlinked> {
+        if self.mesh.terminals[star.node] != FREE {
+            return None;
+        }
+        let (_, length) = star.neighbour(CARRIER, true)?;
+        if !self.is_homogeneous(star) {
+            return None;
+        }
+        let longest = star.longest();
+        let is_all = share >= 1.0 && near.is_thicker_than(longest);
+        // All of a share means that the edge is less than a cell away.
+        let is_beside = !is_all && (share >= 1.0 || has_edges_beside());
+        Some(Unlinked {
+            node: star.node,
+            sides: star.sides(),
+            at: AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE },
+            share,
+            of_negative: (near.breadth() / longest.max_element() - 1.0).clamp(0.0, 1.0),
+            carrier: length / star.area(CARRIER),
+        })
+    }
+
+    /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links. `near`
+    /// tells what that of a conductor would be if there were nothing else.
+    #[inline]
+    pub(super) fn nearest(
+        &self,
+        node: usize,
+        cells: &impl Cells,
+        near: impl Fn(usize) -> Option<(Near, f64)>,
+    ) -> Option<(usize, Near, f64)> {
         let point = self.mesh.nodes[node];
-        let reach = cells.reach();
         let is_alone = self.bounds.len() == 1;
         let mut found = None;
         let mut share = 1.0_f64;
@@ -300,10 +434,8 @@ impl Scene<'_> {
             if away >= FAR {
                 continue;
             }
-            let near = (found.is_none() && self.is_conductor(object))
-                .then(|| self.near(object, point, reach, cells))
-                .flatten();
-            match near {
+            let near = (found.is_none() && self.is_conductor(object)).then(|| near(object));
+            match near.flatten() {
                 Some((near, own)) if own > 0.0 => (found, share) = (Some((object, near)), share.min(own)),
                 _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
             }
@@ -313,12 +445,13 @@ impl Scene<'_> {
 
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
-    fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
+    pub(super) fn near(&self, object: usize, node: usize, cells: &impl Cells) -> Option<(Near, f64)> {
+        let point = self.mesh.nodes[node];
         match &self.fields[object] {
             KnownField::None => None,
             KnownField::Edges(angles) => {
                 let angle = angles.nearest(point)?;
-                let is_near = (angle.place - point).abs().cmple(reach).all();
+                let is_near = (angle.place - point).abs().cmple(cells.reach()).all();
                 is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
             }
             KnownField::Round(round) => {
@@ -344,64 +477,6 @@ impl Scene<'_> {
             }
         }
         is_homogeneous
-    }
-
-    /// Finds where a node and its neighbours are by a right angle, and the weights of the edges that lead to those which the
-    /// conductor does not cut off.
-    #[inline(always)]
-    fn look_around_edge(
-        &self,
-        star: &Star<'_>,
-        object: usize,
-        angle: &RightAngle,
-        conductors: &[u16],
-        Unlinked { places, weights, radius, potentials, .. }: &mut Unlinked,
-    ) {
-        (*radius, *potentials) = (angle.radius, None);
-        let point = self.mesh.nodes[star.node];
-        let own = angle.coordinates(point);
-        let slopes = DMat3::from_cols(angle.normals[0], angle.normals[1], angle.along()).transpose();
-        places.set(0, own);
-        for (axis, slope) in slopes.to_cols_array_2d().into_iter().enumerate() {
-            let area = star.area(axis);
-            for side in 0..2 {
-                let neighbour = 1 + 2 * axis + side;
-                let (node, step) = star.step(axis, side);
-                let place = |coordinate: usize| own[coordinate] + step * slope[coordinate];
-                places.set(neighbour, [place(0), place(1), place(2)]);
-                let is_seen = step != 0.0
-                    && usize::from(conductors[node]) != object
-                    && (places.see_each_other(0, neighbour)
-                        || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none());
-                weights[neighbour] = if is_seen { area * star.inverse(axis, side) } else { 0.0 };
-            }
-        }
-    }
-
-    /// The same for a round surface, with the potentials themselves.
-    fn look_around_round(
-        &self,
-        star: &Star<'_>,
-        object: usize,
-        round: &RoundNear,
-        conductors: &[u16],
-        Unlinked { potentials, weights, .. }: &mut Unlinked,
-    ) {
-        let point = self.mesh.nodes[star.node];
-        let potentials = potentials.insert([0.0; POINTS]);
-        potentials[0] = round.potential(point);
-        for axis in 0..3 {
-            for side in 0..2 {
-                let neighbour = 1 + 2 * axis + side;
-                let (node, step) = star.step(axis, side);
-                let other = self.mesh.nodes[node];
-                let is_seen = step != 0.0
-                    && usize::from(conductors[node]) != object
-                    && self.surfaces.span(object, point, other).is_none();
-                potentials[neighbour] = if is_seen { round.potential(other) } else { 0.0 };
-                weights[neighbour] = if is_seen { star.area(axis) * star.inverse(axis, side) } else { 0.0 };
-            }
-        }
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
@@ -492,6 +567,11 @@ fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
     if cells.is_next(place) {
         return 1.0;
     }
-    let part = ((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0);
+    smooth(((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0))
+}
+
+/// From zero to one without kinks.
+#[inline(always)]
+fn smooth(part: f64) -> f64 {
     part * part * (3.0 - 2.0 * part)
 }

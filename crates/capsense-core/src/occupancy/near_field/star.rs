@@ -78,10 +78,131 @@ impl Plane {
     }
 }
 
+/// The cells below and above a plane of nodes, by which distances along an axis are counted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlaneCells {
+    pub(super) at: f64,
+    /// The way to the nearer neighbour.
+    pub(super) narrowest: f64,
+    /// The cells next to the plane, and one over their sizes and those behind them.
+    first: [f64; 2],
+    per_first: [f64; 2],
+    per_second: [f64; 2],
+}
+
+impl PlaneCells {
+    fn of(plane: &Plane) -> Self {
+        let of_cell = |cell: usize| plane.cells.map(|cells| cells[cell]);
+        Self {
+            at: plane.at,
+            narrowest: plane.narrowest,
+            first: of_cell(0),
+            per_first: of_cell(0).map(f64::recip),
+            per_second: of_cell(1).map(f64::recip),
+        }
+    }
+
+    /// Cells to what is so far above, or below; without branches.
+    #[inline(always)]
+    pub(super) fn cells_to(&self, way: f64) -> f64 {
+        let of_side = |[below, above]: [f64; 2]| if way > 0.0 { above } else { below };
+        let (away, first) = (way.abs(), of_side(self.first));
+        let behind = 1.0 + (away - first) * of_side(self.per_second);
+        if away <= first { away * of_side(self.per_first) } else { behind }
+    }
+}
+
+/// The same of several planes, one array for each number.
+#[derive(Clone, Debug, Default)]
+struct CellArrays {
+    at: Vec<f64>,
+    narrowest: Vec<f64>,
+    first: [Vec<f64>; 2],
+    per_first: [Vec<f64>; 2],
+    per_second: [Vec<f64>; 2],
+}
+
+/// So many nodes of a row are one instruction. Arrays go on for as many planes behind the last, which are as that one.
+const TOGETHER: usize = 4;
+
+impl CellArrays {
+    fn of(planes: &[Plane]) -> Self {
+        let spare = planes.last().into_iter().cycle().take(TOGETHER);
+        let cells: Vec<PlaneCells> = planes.iter().chain(spare).map(PlaneCells::of).collect();
+        let all = |number: &dyn Fn(&PlaneCells) -> f64| cells.iter().map(number).collect::<Vec<f64>>();
+        let sides = |of: &dyn Fn(&PlaneCells) -> [f64; 2]| [0, 1].map(|side| all(&|cells| of(cells)[side]));
+        Self {
+            at: all(&|cells| cells.at),
+            narrowest: all(&|cells| cells.narrowest),
+            first: sides(&|cells| cells.first),
+            per_first: sides(&|cells| cells.per_first),
+            per_second: sides(&|cells| cells.per_second),
+        }
+    }
+
+    fn slice(&self, range: Range<usize>) -> CellSlices<'_> {
+        let all = CellSlices {
+            at: &self.at,
+            narrowest: &self.narrowest,
+            first: self.first.each_ref().map(Vec::as_slice),
+            per_first: self.per_first.each_ref().map(Vec::as_slice),
+            per_second: self.per_second.each_ref().map(Vec::as_slice),
+        };
+        all.slice(range)
+    }
+}
+
+/// Pieces of these arrays, all of one length.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellSlices<'a> {
+    pub(super) at: &'a [f64],
+    pub(super) narrowest: &'a [f64],
+    first: [&'a [f64]; 2],
+    per_first: [&'a [f64]; 2],
+    per_second: [&'a [f64]; 2],
+}
+
+impl<'a> CellSlices<'a> {
+    /// Some of them.
+    #[inline(always)]
+    pub(super) fn slice(&self, range: Range<usize>) -> Self {
+        let sides = |slices: [&'a [f64]; 2]| slices.map(|slice| &slice[range.clone()]);
+        Self {
+            at: &self.at[range.clone()],
+            narrowest: &self.narrowest[range.clone()],
+            first: sides(self.first),
+            per_first: sides(self.per_first),
+            per_second: sides(self.per_second),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn at(&self, plane: usize) -> PlaneCells {
+        let sides = |[below, above]: [&[f64]; 2]| [below[plane], above[plane]];
+        PlaneCells {
+            at: self.at[plane],
+            narrowest: self.narrowest[plane],
+            first: sides(self.first),
+            per_first: sides(self.per_first),
+            per_second: sides(self.per_second),
+        }
+    }
+}
+
+/// Cells around nodes next to each other along x.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowCells<'a> {
+    /// Along x, of the nodes and of a few more, so that there are a multiple of [`TOGETHER`].
+    pub(super) x: CellSlices<'a>,
+    /// Along y and z.
+    pub(super) across: [PlaneCells; 2],
+}
+
 /// The planes of a lattice.
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct Stars {
     planes: [Vec<Plane>; 3],
+    along_x: CellArrays,
     strides: [usize; 3],
 }
 
@@ -95,17 +216,35 @@ pub(in super::super) struct Row {
 
 impl Stars {
     pub(super) fn of(lattice: &Lattice) -> Self {
-        let planes = lattice
+        let planes: [Vec<Plane>; 3] = lattice
             .axes()
             .each_ref()
             .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
-        Self { planes, strides: lattice.strides() }
+        let along_x = CellArrays::of(&planes[0]);
+        Self { planes, along_x, strides: lattice.strides() }
     }
 
-    /// A node of the lattice, best in the row of the one before.
+    /// Those of some nodes, first to last, that are in the row of the node that was asked for last.
+    pub(super) fn in_row(&self, nodes: &Range<usize>, row: &mut Row) -> (Range<usize>, RowCells<'_>) {
+        self.find_row(nodes.start, row);
+        let nodes = nodes.start..nodes.end.min(row.nodes.end);
+        let from = nodes.start - row.nodes.start;
+        let count = nodes.len().next_multiple_of(TOGETHER);
+        let [_, y, z] = &self.planes;
+        let across = [&y[row.place[0]], &z[row.place[1]]].map(PlaneCells::of);
+        (nodes, RowCells { x: self.along_x.slice(from..from + count), across })
+    }
+
+    /// The number of a neighbour that a node has.
+    pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
+        let stride = self.strides[number / 2];
+        if number % 2 == 0 { node - stride } else { node + stride }
+    }
+
+    /// Notes the row of a node.
     #[inline]
-    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
-        let [x, y, z] = &self.planes;
+    fn find_row(&self, node: usize, row: &mut Row) {
+        let [x, y, _] = &self.planes;
         if !row.nodes.contains(&node) {
             let number = node / x.len();
             *row = Row {
@@ -113,6 +252,13 @@ impl Stars {
                 place: [number % y.len(), number / y.len()],
             };
         }
+    }
+
+    /// A node of the lattice, best in the row of the one before.
+    #[inline]
+    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
+        self.find_row(node, row);
+        let [x, y, z] = &self.planes;
         let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
         Star { node, strides: self.strides, planes }
     }
@@ -180,11 +326,11 @@ impl Star<'_> {
         self.planes[(axis + 1) % 3].width * self.planes[(axis + 2) % 3].width
     }
 
-    /// The way to the farthest neighbour.
+    /// The ways to the farther neighbour along each axis.
     #[inline]
-    pub(super) fn longest(&self) -> f64 {
+    pub(super) fn longest(&self) -> DVec3 {
         let [x, y, z] = self.planes;
-        x.longest.max(y.longest).max(z.longest)
+        DVec3::new(x.longest, y.longest, z.longest)
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.

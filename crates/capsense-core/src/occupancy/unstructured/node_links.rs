@@ -204,7 +204,9 @@ impl Unstructured {
         let (mut object, mut all) = (ending.object, ending.cut);
         if !ending.is_mixed
             && scene.mesh.terminals[node] == FREE
-            && let Some((of, near, share)) = scene.nearest(node, &self.links.cells_at(scene, node))
+            && let cells = self.links.cells_at(scene, node)
+            && let Some((of, near, share)) =
+                scene.nearest(node, &cells, |object| scene.near(object, node, &cells))
         {
             object = of as u16;
             let near = match &near {
