@@ -29,11 +29,6 @@ impl IndexSet {
         self.use_words(word, word);
     }
 
-    #[inline]
-    pub(super) fn contains(&self, number: usize) -> bool {
-        self.words[number / BITS] >> (number % BITS) & 1 != 0
-    }
-
     /// Adds all numbers of a range.
     pub(super) fn insert_all(&mut self, numbers: Range<usize>) {
         if numbers.is_empty() {

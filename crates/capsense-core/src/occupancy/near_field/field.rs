@@ -22,14 +22,13 @@ pub struct RightAngle {
 impl RightAngle {
     /// Where a point is: how far before either face, and along the edge.
     pub(in super::super) fn coordinates(&self, point: DVec3) -> [f64; 3] {
-        let from = point - self.place;
-        [self.normals[0].dot(from), self.normals[1].dot(from), self.along().dot(from)]
+        let [p, q] = self.before(point);
+        [p, q, self.along().dot(point - self.place)]
     }
 
-    /// Whether no edge of a mesh, of these lengths along the axes of the sensor frame, can pass through all that is behind
-    /// one of the faces.
-    pub(super) fn is_thicker_than(&self, lengths: DVec3) -> bool {
-        (0..2).all(|face| (self.normals[face] * lengths).abs().max_element() <= self.thickness[face])
+    /// How far a point is before either face.
+    pub(super) fn before(&self, point: DVec3) -> [f64; 2] {
+        self.normals.map(|normal| normal.dot(point - self.place))
     }
 
     /// The direction of the edge.

@@ -2,8 +2,8 @@
 
 use super::super::coupling::SMALLEST_PART;
 use super::field::wedge_potentials;
+use super::row::larger;
 use super::{AtWedge, RightAngle};
-use glam::DVec3;
 
 /// Links of so many nodes are found together.
 pub(super) const TOGETHER: usize = 16;
@@ -50,40 +50,57 @@ pub(super) struct LinkBatch {
     doubtful: Nodes,
 }
 
-/// What the field of a conductor's edge makes of a node.
+/// What the field of a conductor's edge makes of nodes, for each of them.
 #[derive(Clone, Copy, Debug)]
-struct Link {
-    potential: f64,
+struct Links<const N: usize> {
+    potential: [f64; N],
     /// Σ w (u(Q) - u(P)) / u(P), w being areas over distances.
-    weight: f64,
+    weight: [f64; N],
 }
 
-impl Link {
-    /// From the potential of the node, and those of its neighbours with their weights.
+impl<const N: usize> Links<N> {
+    /// From the potentials of nodes, and the weights of their edges to neighbours with the potentials of these.
     #[inline(always)]
-    fn of(own: f64, neighbours: [(f64, f64); NEIGHBOURS], of_negative: f64) -> Self {
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, own);
-        for (weight, potential) in neighbours {
-            sum += weight * potential;
-            of_weights += weight;
-            highest = f64::max(highest, potential);
+    fn of(
+        own: &[f64; N],
+        weights: &Neighbours<N>,
+        potentials: &Neighbours<N>,
+        of_negative: &[f64; N],
+    ) -> Self {
+        let (mut sum, mut of_weights, mut highest) = ([0.0; N], [0.0; N], *own);
+        for (weights, potentials) in weights.iter().zip(potentials) {
+            for at in 0..N {
+                sum[at] += weights[at] * potentials[at];
+                of_weights[at] += weights[at];
+                highest[at] = larger(highest[at], potentials[at]);
+            }
         }
-        let potential = own.max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE);
-        let weight = sum / potential - of_weights;
-        Self { potential, weight: if weight < 0.0 { of_negative * weight } else { weight } }
+        let mut links = Self { potential: [0.0; N], weight: [0.0; N] };
+        for at in 0..N {
+            let potential = larger(larger(own[at], SMALLEST_PART * highest[at]), f64::MIN_POSITIVE);
+            let weight = sum[at] / potential - of_weights[at];
+            links.potential[at] = potential;
+            links.weight[at] = if weight < 0.0 { of_negative[at] * weight } else { weight };
+        }
+        links
     }
 }
+
+/// A number of each neighbour of each node.
+pub(super) type Neighbours<const N: usize> = [[f64; N]; NEIGHBOURS];
 
 impl Unlinked {
     const NONE: Self =
         Self { node: 0, sides: 0, at: AtWedge::NONE, share: 0.0, of_negative: 0.0, carrier: 0.0 };
 
     /// What the node makes of the conductor, its potentials and those of its neighbours, with their weights, being known.
-    pub(super) fn linked(&self, own: f64, neighbours: [(f64, f64); NEIGHBOURS]) -> AtWedge {
-        self.linked_by(Link::of(own, neighbours, self.of_negative))
+    pub(super) fn linked(&self, own: f64, weights: &Neighbours<1>, potentials: &Neighbours<1>) -> AtWedge {
+        let Links { potential: [potential], weight: [weight] } =
+            Links::of(&[own], weights, potentials, &[self.of_negative]);
+        self.linked_by(potential, weight)
     }
 
-    fn linked_by(&self, Link { potential, weight }: Link) -> AtWedge {
+    fn linked_by(&self, potential: f64, weight: f64) -> AtWedge {
         AtWedge { potential, link: self.share * weight * self.carrier, ..self.at }
     }
 }
@@ -106,24 +123,21 @@ impl LinkBatch {
         self.count == TOGETHER
     }
 
-    /// Takes a node at a point near an edge. `neighbour` tells the way to each neighbour, and the area of the dual face of the
+    /// Takes a node near an edge, so far before either face. `neighbour` tells the way to each neighbour, and the area of the dual face of the
     /// edge to it over its length; zero if the conductor holds it, or there is none.
-    #[inline]
+    #[inline(always)]
     pub(super) fn push(
         &mut self,
         unlinked: Unlinked,
-        point: DVec3,
+        before: [f64; 2],
         angle: &RightAngle,
         neighbour: impl Fn(usize) -> (f64, f64),
     ) {
         let at = self.count;
         self.count += 1;
         self.unlinked[at] = unlinked;
-        let from = point - angle.place;
         let directions = [angle.normals[0], angle.normals[1], angle.along()];
-        for face in 0..2 {
-            self.own[face][at] = directions[face].dot(from);
-        }
+        (0..2).for_each(|face| self.own[face][at] = before[face]);
         for (slopes, direction) in self.slopes.iter_mut().zip(directions) {
             slopes.iter_mut().zip(direction.to_array()).for_each(|(slope, along)| slope[at] = along);
         }
@@ -157,8 +171,7 @@ impl LinkBatch {
         let links = arch.dispatch(FindLinks(self));
         for at in 0..count {
             let unlinked = &self.unlinked[at];
-            let [potential, weight] = links.map(|numbers| numbers[at]);
-            visit(unlinked, unlinked.linked_by(Link { potential, weight }));
+            visit(unlinked, unlinked.linked_by(links.potential[at], links.weight[at]));
         }
     }
 
@@ -186,8 +199,9 @@ impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
         batch.doubtful = [0.0; TOGETHER];
         for number in 0..NEIGHBOURS {
             for at in 0..TOGETHER {
-                let [p, q, along] =
-                    [0, 1, 2].map(|direction: usize| batch.steps[number][at] * batch.slopes[direction][number / 2][at]);
+                let [p, q, along] = [0, 1, 2].map(|direction: usize| {
+                    batch.steps[number][at] * batch.slopes[direction][number / 2][at]
+                });
                 let is_plain = batch.is_seen(number, at) | (batch.weights[number][at] == 0.0);
                 batch.doubtful[at] += if is_plain { 0.0 } else { 1.0 };
                 // A round edge bends away from its tangent.
@@ -202,23 +216,16 @@ impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
 struct FindLinks<'a>(&'a LinkBatch);
 
 impl pulp::NullaryFnOnce for FindLinks<'_> {
-    type Output = [Nodes; 2];
+    type Output = Links<TOGETHER>;
 
     #[inline(always)]
-    fn call(self) -> [Nodes; 2] {
+    fn call(self) -> Links<TOGETHER> {
         let batch = self.0;
         let own = wedge_potentials(&batch.own[0], &batch.own[1]);
         let mut of_neighbours = [[0.0; TOGETHER]; NEIGHBOURS];
         for (potentials, [p, q]) in of_neighbours.iter_mut().zip(&batch.before) {
             *potentials = wedge_potentials(p, q);
         }
-        let mut links = [[0.0; TOGETHER]; 2];
-        for at in 0..TOGETHER {
-            let neighbours = [0, 1, 2, 3, 4, 5]
-                .map(|number: usize| (batch.weights[number][at], of_neighbours[number][at]));
-            let Link { potential, weight } = Link::of(own[at], neighbours, batch.of_negative[at]);
-            (links[0][at], links[1][at]) = (potential, weight);
-        }
-        links
+        Links::of(&own, &batch.weights, &of_neighbours, &batch.of_negative)
     }
 }

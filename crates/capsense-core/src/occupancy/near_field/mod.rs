@@ -37,12 +37,12 @@ use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
 use glam::DVec3;
-use std::ops::Range;
 use link::{LinkBatch, NEIGHBOURS, Unlinked};
 use row::{FindNearest, NearestEdges};
-use star::Stars;
 use star::RowCells;
+use star::Stars;
 pub(super) use star::{Row, Star};
+use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -76,6 +76,11 @@ impl AtWedge {
     fn has_share_of(&self, other: &Self) -> bool {
         let of = |at: &Self| (at.object, at.share.to_bits(), at.is_all);
         of(self) == of(other)
+    }
+
+    /// Whether walls of conductors may pass beside an edge of the node, as far as it knows.
+    fn may_be_beside(&self, owner: u16) -> bool {
+        self.is_beside || self.is_all_to(owner)
     }
 
     /// Whether nothing but the wedge, or the conductor that holds it, matters at this end of an edge.
@@ -121,21 +126,33 @@ pub(super) enum Near {
     Round(RoundNear),
 }
 
-impl Near {
+/// How large a conductor is where a field of it is known.
+trait Extent {
     /// Whether no edge of a mesh, of these lengths along the axes, can have both its ends before the conductor and meet it.
-    fn is_thicker_than(&self, lengths: DVec3) -> bool {
-        match self {
-            Self::Edge(angle) => angle.is_thicker_than(lengths),
-            Self::Round(round) => lengths.max_element() <= round.diameter(),
-        }
-    }
+    fn is_thicker_than(&self, lengths: DVec3) -> bool;
 
     /// The middle one of the conductor's extents.
+    fn breadth(&self) -> f64;
+}
+
+impl Extent for RightAngle {
+    #[inline]
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
+        (0..2).all(|face| (self.normals[face] * lengths).abs().max_element() <= self.thickness[face])
+    }
+
     fn breadth(&self) -> f64 {
-        match self {
-            Self::Edge(angle) => angle.breadth,
-            Self::Round(round) => round.diameter(),
-        }
+        self.breadth
+    }
+}
+
+impl Extent for RoundNear {
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
+        lengths.max_element() <= self.diameter()
+    }
+
+    fn breadth(&self) -> f64 {
+        self.diameter()
     }
 }
 
@@ -168,17 +185,17 @@ impl Look<'_> {
     /// What a node makes of a round surface.
     fn linked_to_round(&self, star: &Star<'_>, round: &RoundNear, unlinked: &Unlinked) -> AtWedge {
         let potential = |node: usize| round.potential(self.scene.mesh.nodes[node]);
-        let mut neighbours = [(0.0, 0.0); NEIGHBOURS];
-        for (number, neighbour) in neighbours.iter_mut().enumerate() {
+        let (mut weights, mut potentials) = ([[0.0]; NEIGHBOURS], [[0.0]; NEIGHBOURS]);
+        for number in 0..NEIGHBOURS {
             let (_, weight) = self.way_and_weight(star, number, unlinked.at.object);
             if weight != 0.0 {
                 let node = self.stars.neighbour_of(star.node, number);
                 if !self.is_between(unlinked.at.object, star.node, node) {
-                    *neighbour = (weight, potential(node));
+                    (weights[number], potentials[number]) = ([weight], [potential(node)]);
                 }
             }
         }
-        unlinked.linked(potential(star.node), neighbours)
+        unlinked.linked(potential(star.node), &weights, &potentials)
     }
 }
 
@@ -246,11 +263,12 @@ impl Wedges {
         batch: &mut LinkBatch,
     ) -> usize {
         let Look { scene, stars, conductors } = *look;
-        let (nodes, cells) = stars.in_row(&nodes, row);
-        scene.find_nearest_edges(&cells, nearest);
-        let may_be_beside = scene.may_have_edges_in_row(&stars.at(nodes.start, row));
-        for (number, node) in nodes.clone().enumerate() {
-            let star = stars.at(node, row);
+        let row = stars.in_row(nodes, row);
+        scene.find_nearest_edges(&row.cells(), nearest);
+        let may_be_beside = (0..scene.bounds.len())
+            .any(|object| scene.is_conductor(object) && row.reach(&scene.bounds[object]));
+        for (number, star) in row.each().enumerate() {
+            let node = star.node;
             if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
                 if self.at[node] != AtWedge::NONE {
                     self.settle(node, star.sides(), AtWedge::NONE);
@@ -258,32 +276,39 @@ impl Wedges {
                 continue;
             }
             let is_beside = || may_be_beside && scene.is_beside(&star);
-            let found = scene.nearest(node, &star, |object| match scene.fields[object].of_box() {
-                Some((angles, half)) => {
-                    let (angle, share) = nearest[object].at(number, angles, half)?;
-                    Some((Near::Edge(angle), share))
+            let mut near = None;
+            let found = scene.nearest(node, &star, |object| {
+                if scene.fields[object].of_box().is_some() {
+                    return Some(nearest[object].share(number));
                 }
-                None => scene.near(object, node, &star),
+                let (seen, share) = scene.near(object, node, &star)?;
+                near = Some(seen);
+                Some(share)
             });
-            let unlinked = found.as_ref().and_then(|(object, near, share)| {
-                scene.unlinked(&star, (*object, near, *share), is_beside).map(|unlinked| (near, unlinked))
-            });
-            match unlinked {
-                None => self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE }),
-                Some((Near::Round(round), unlinked)) => {
-                    let at = look.linked_to_round(&star, round, &unlinked);
-                    self.settle(node, unlinked.sides, at);
+            let found = found.filter(|_| scene.takes_link(&star));
+            let Some((object, share)) = found else {
+                self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE });
+                continue;
+            };
+            let (angle, before) = match (scene.fields[object].of_box(), near) {
+                (Some((angles, half)), _) => nearest[object].angle(number, angles, half),
+                (None, Some(Near::Edge(angle))) => (angle, angle.before(star.place())),
+                (None, Some(Near::Round(round))) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
+                    let at = look.linked_to_round(&star, &round, &unlinked);
+                    self.settle(star.node, unlinked.sides, at);
+                    continue;
                 }
-                Some((Near::Edge(angle), unlinked)) => {
-                    let weight = |number: usize| look.way_and_weight(&star, number, unlinked.at.object);
-                    batch.push(unlinked, scene.mesh.nodes[node], angle, weight);
-                    if batch.is_full() {
-                        self.link(look, batch);
-                    }
-                }
+                (None, None) => continue,
+            };
+            let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
+            let neighbour = |number: usize| look.way_and_weight(&star, number, object as u16);
+            batch.push(unlinked, before, &angle, neighbour);
+            if batch.is_full() {
+                self.link(look, batch);
             }
         }
-        nodes.end
+        row.nodes.end
     }
 
     /// Finds the links that are missing.
@@ -306,24 +331,36 @@ impl Wedges {
         }
     }
 
-    /// Visits the edges that the last update may have changed, some several times, and tells whether they carry a link
-    /// that it changed. Others only change if they are not plain, or walls of conductors may pass beside them.
-    pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
+    /// Adds the edges that the last update may have changed, whose ends' `conductors` and whose `couplings` before are known.
+    pub(super) fn add_changed_edges(
+        &self,
+        edges: &Edges,
+        conductors: &[u16],
+        couplings: &[Coupling],
+        changed: &mut IndexSet,
+    ) {
         let Edges::Lattice(lattice) = edges else { return };
         for &node in &self.relinked {
-            let edge = 3 * node as usize + CARRIER;
-            visit(edge, edges.ends_of_existing(edge), true);
+            changed.insert(3 * node as usize + CARRIER);
         }
         let strides = lattice.strides();
         for &(node, sides) in &self.around {
             let node = node as usize;
+            // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
+            let may_be_beside = self.at[node].may_be_beside(conductors[node]);
+            let is_changed = |edge: usize, other: usize| {
+                !couplings[edge].is(&Coupling::PLAIN)
+                    || may_be_beside
+                        && self
+                            .may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
+            };
             for (axis, stride) in strides.into_iter().enumerate() {
                 let sides = sides >> (2 * axis);
-                if sides & 1 != 0 {
-                    visit(3 * (node - stride) + axis, [(node - stride) as u32, node as u32], false);
+                if sides & 1 != 0 && is_changed(3 * (node - stride) + axis, node - stride) {
+                    changed.insert(3 * (node - stride) + axis);
                 }
-                if sides & 2 != 0 {
-                    visit(3 * node + axis, [node as u32, (node + stride) as u32], false);
+                if sides & 2 != 0 && is_changed(3 * node + axis, node + stride) {
+                    changed.insert(3 * node + axis);
                 }
             }
         }
@@ -361,7 +398,8 @@ impl Scene<'_> {
     /// Finds the nearest edges of all boxes that are conductors for a piece of a row.
     fn find_nearest_edges(&self, row: &RowCells<'_>, nearest: &mut [NearestEdges]) {
         for (object, nearest) in nearest.iter_mut().enumerate().take(self.bounds.len()) {
-            let Some((angles, half)) = self.fields[object].of_box().filter(|_| self.is_conductor(object)) else {
+            let Some((angles, half)) = self.fields[object].of_box().filter(|_| self.is_conductor(object))
+            else {
                 continue;
             };
             let bounds = &self.bounds[object];
@@ -378,53 +416,45 @@ impl Scene<'_> {
         }
     }
 
-    /// Whether conductors may have edges among the cells around the nodes of a row, one of which this is.
-    fn may_have_edges_in_row(&self, star: &Star<'_>) -> bool {
-        let Aabb { min, max } = star.bounds();
-        let is_across =
-            |bounds: &Aabb| (1..3).all(|axis| bounds.min[axis] <= max[axis] && bounds.max[axis] >= min[axis]);
-        (0..self.bounds.len()).any(|object| self.is_conductor(object) && is_across(&self.bounds[object]))
+    /// Whether a node may have a link, and its links are known.
+    #[inline]
+    fn takes_link(&self, star: &Star<'_>) -> bool {
+        let is_free = self.mesh.terminals[star.node] == FREE;
+        is_free && star.neighbour(CARRIER, true).is_some() && self.is_homogeneous(star)
     }
 
-    /// A node near an edge of a conductor, or a round one, and what it makes of it, but for the link; `None` where such links
-    /// are not known.
-    #[inline]
+    /// A node near an edge of a conductor, or a round one, and what it makes of it, but for the link.
+    #[inline(always)]
     fn unlinked(
         &self,
         star: &Star<'_>,
-        (object, near, share): (usize, &Near, f64),
+        (object, share): (usize, f64),
+        near: &impl Extent,
         has_edges_beside: impl Fn() -> bool,
-    ) -> Option<Unlinked> {
-        if self.mesh.terminals[star.node] != FREE {
-            return None;
-        }
-        let (_, length) = star.neighbour(CARRIER, true)?;
-        if !self.is_homogeneous(star) {
-            return None;
-        }
+    ) -> Unlinked {
         let longest = star.longest();
         let is_all = share >= 1.0 && near.is_thicker_than(longest);
         // All of a share means that the edge is less than a cell away.
         let is_beside = !is_all && (share >= 1.0 || has_edges_beside());
-        Some(Unlinked {
+        Unlinked {
             node: star.node,
             sides: star.sides(),
             at: AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE },
             share,
             of_negative: (near.breadth() / longest.max_element() - 1.0).clamp(0.0, 1.0),
-            carrier: length / star.area(CARRIER),
-        })
+            carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
+        }
     }
 
-    /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links. `near`
-    /// tells what that of a conductor would be if there were nothing else.
+    /// The conductor whose nearest edge, or round surface, has a share in a node's links, and that share. `near` tells what it
+    /// would be of each if there were nothing else.
     #[inline]
     pub(super) fn nearest(
         &self,
         node: usize,
         cells: &impl Cells,
-        near: impl Fn(usize) -> Option<(Near, f64)>,
-    ) -> Option<(usize, Near, f64)> {
+        mut near: impl FnMut(usize) -> Option<f64>,
+    ) -> Option<(usize, f64)> {
         let point = self.mesh.nodes[node];
         let is_alone = self.bounds.len() == 1;
         let mut found = None;
@@ -436,11 +466,11 @@ impl Scene<'_> {
             }
             let near = (found.is_none() && self.is_conductor(object)).then(|| near(object));
             match near.flatten() {
-                Some((near, own)) if own > 0.0 => (found, share) = (Some((object, near)), share.min(own)),
+                Some(own) if own > 0.0 => (found, share) = (Some(object), share.min(own)),
                 _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
             }
         }
-        found.filter(|_| share > 0.0).map(|(object, near)| (object, near, share))
+        found.filter(|_| share > 0.0).map(|object| (object, share))
     }
 
     /// The field near a conductor, and its share if there is nothing else.

@@ -4,7 +4,7 @@
 //! only x differs.
 
 use super::angles::{RightAngles, distances_of_box};
-use super::star::RowCells;
+use super::star::{RowCells, TOGETHER};
 use super::{FAR, NEAR, RightAngle, smooth};
 use crate::occupancy::index_set::RUN;
 use glam::DVec3;
@@ -30,14 +30,20 @@ impl NearestEdges {
         self.share.fill(0.0);
     }
 
-    /// The edge that is nearest to a node, and its share.
+    /// The share of the edge that is nearest to a node.
     #[inline]
-    pub(super) fn at(&self, node: usize, angles: &RightAngles, half: DVec3) -> Option<(RightAngle, f64)> {
-        let share = self.share[node];
-        (share > 0.0).then(|| {
-            let local = DVec3::from_array([0, 1, 2].map(|axis: usize| self.local[axis][node]));
-            (angles.of_box(half, local, self.axis[node] as usize, self.inside[node]), share)
-        })
+    pub(super) fn share(&self, node: usize) -> f64 {
+        self.share[node]
+    }
+
+    /// The edge that is nearest to a node, and how far the node is before either face.
+    #[inline(always)]
+    pub(super) fn angle(&self, node: usize, angles: &RightAngles, half: DVec3) -> (RightAngle, [f64; 2]) {
+        let local = DVec3::from_array([0, 1, 2].map(|axis: usize| self.local[axis][node]));
+        let axis = self.axis[node] as usize;
+        let outside = local.abs() - half;
+        let before = [(axis + 1) % 3, (axis + 2) % 3].map(|across| outside[across]);
+        (angles.of_box(half, local, axis, self.inside[node]), before)
     }
 }
 
@@ -56,47 +62,62 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { angles, half, row, nearest } = self;
-        let NearestEdges { local, axis, inside, share } = nearest;
-        let (x, [y, z]) = (row.x, row.across);
+        let [y, z] = row.across;
         let turn = &angles.object_from_sensor;
         let origin = angles.sensor_from_object.translation;
         let start = turn.y_axis * (y.at - origin.y) + turn.z_axis * (z.at - origin.z);
         // How long cells are along the axes of the box.
         let lengths = turn.y_axis.abs() * y.narrowest + turn.z_axis.abs() * z.narrowest;
         let along = turn.x_axis.abs();
-        let [local_x, local_y, local_z] = local;
-        let count = x.at.len().min(RUN);
-        let x = x.slice(0..count);
-        for node in 0..count {
-            let point = start + turn.x_axis * (x.at[node] - origin.x);
-            let [outside, squared] = distances_of_box(half, point);
-            let is_x = squared.x <= squared.y && squared.x <= squared.z;
-            let is_y = !is_x && squared.y <= squared.z;
-            let of_axis = |of: DVec3| {
-                let of_y_or_z = if is_y { of.y } else { of.z };
-                if is_x { of.x } else { of_y_or_z }
-            };
-            let from = half.copysign(point) - point;
-            let from = DVec3::new(
-                if is_x { 0.0 } else { from.x },
-                if is_y { 0.0 } else { from.y },
-                if is_x || is_y { from.z } else { 0.0 },
-            );
-            // Across the rows of the rotation, which takes the box's frame to the sensor's.
-            let to_edge = [turn.x_axis.dot(from), turn.y_axis.dot(from), turn.z_axis.dot(from)];
-            let cells = [x.at(node).cells_to(to_edge[0]), y.cells_to(to_edge[1]), z.cells_to(to_edge[2])];
-            let larger = |a: f64, b: f64| if a > b { a } else { b };
-            let smaller = |a: f64, b: f64| if a < b { a } else { b };
-            let farthest = larger(larger(cells[0], cells[1]), cells[2]);
-            let part = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
-            let length = of_axis(lengths + along * x.narrowest[node]);
-            let of_inside = -of_axis(outside);
-            local_x[node] = point.x;
-            local_y[node] = point.y;
-            local_z[node] = point.z;
-            axis[node] = of_axis(DVec3::new(0.0, 1.0, 2.0));
-            inside[node] = of_inside;
-            share[node] = part * larger(smaller(of_inside / length, 1.0), 0.0);
+        for (group, x) in row.groups().enumerate() {
+            let nodes = group * TOGETHER..(group + 1) * TOGETHER;
+            let (mut local, mut found) = ([[0.0; TOGETHER]; 3], [[0.0; TOGETHER]; 3]);
+            for node in 0..TOGETHER {
+                let x = x.at(node);
+                let point = start + turn.x_axis * (x.at - origin.x);
+                let [outside, squared] = distances_of_box(half, point);
+                let is_x = (squared.x <= squared.y) & (squared.x <= squared.z);
+                let is_y = !is_x & (squared.y <= squared.z);
+                let of_axis = |of: DVec3| {
+                    let of_y_or_z = if is_y { of.y } else { of.z };
+                    if is_x { of.x } else { of_y_or_z }
+                };
+                let from = half.copysign(point) - point;
+                let from = DVec3::new(
+                    if is_x { 0.0 } else { from.x },
+                    if is_y { 0.0 } else { from.y },
+                    if is_x | is_y { from.z } else { 0.0 },
+                );
+                // Across the rows of the rotation, which takes the box's frame to the sensor's.
+                let ways = [turn.x_axis.dot(from), turn.y_axis.dot(from), turn.z_axis.dot(from)];
+                let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
+                let farthest = larger(larger(cells[0], cells[1]), cells[2]);
+                let part = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
+                let length = of_axis(lengths + along * x.narrowest);
+                let inside = -of_axis(outside);
+                (local[0][node], local[1][node], local[2][node]) = (point.x, point.y, point.z);
+                found[0][node] = of_axis(DVec3::new(0.0, 1.0, 2.0));
+                found[1][node] = inside;
+                found[2][node] = part * larger(smaller(inside / length, 1.0), 0.0);
+            }
+            for (all, new) in nearest.local.iter_mut().zip(&local) {
+                all[nodes.clone()].copy_from_slice(new);
+            }
+            let [axis, inside, share] = found;
+            nearest.axis[nodes.clone()].copy_from_slice(&axis);
+            nearest.inside[nodes.clone()].copy_from_slice(&inside);
+            nearest.share[nodes].copy_from_slice(&share);
         }
     }
+}
+
+/// The larger of two numbers; simpler than [`f64::max`], as neither is NaN.
+#[inline(always)]
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }

@@ -123,7 +123,7 @@ struct CellArrays {
 }
 
 /// So many nodes of a row are one instruction. Arrays go on for as many planes behind the last, which are as that one.
-const TOGETHER: usize = 4;
+pub(super) const TOGETHER: usize = 8;
 
 impl CellArrays {
     fn of(planes: &[Plane]) -> Self {
@@ -140,45 +140,52 @@ impl CellArrays {
         }
     }
 
-    fn slice(&self, range: Range<usize>) -> CellSlices<'_> {
-        let all = CellSlices {
-            at: &self.at,
-            narrowest: &self.narrowest,
-            first: self.first.each_ref().map(Vec::as_slice),
-            per_first: self.per_first.each_ref().map(Vec::as_slice),
-            per_second: self.per_second.each_ref().map(Vec::as_slice),
-        };
-        all.slice(range)
-    }
-}
-
-/// Pieces of these arrays, all of one length.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CellSlices<'a> {
-    pub(super) at: &'a [f64],
-    pub(super) narrowest: &'a [f64],
-    first: [&'a [f64]; 2],
-    per_first: [&'a [f64]; 2],
-    per_second: [&'a [f64]; 2],
-}
-
-impl<'a> CellSlices<'a> {
-    /// Some of them.
-    #[inline(always)]
-    pub(super) fn slice(&self, range: Range<usize>) -> Self {
-        let sides = |slices: [&'a [f64]; 2]| slices.map(|slice| &slice[range.clone()]);
-        Self {
-            at: &self.at[range.clone()],
-            narrowest: &self.narrowest[range.clone()],
-            first: sides(self.first),
-            per_first: sides(self.per_first),
-            per_second: sides(self.per_second),
+    /// So many from one on, in groups.
+    fn groups(&self, from: usize, count: usize) -> CellGroups<'_> {
+        fn some(array: &[f64], range: Range<usize>) -> &[Group] {
+            array[range].as_chunks().0
+        }
+        fn sides(arrays: &[Vec<f64>; 2], range: Range<usize>) -> [&[Group]; 2] {
+            arrays.each_ref().map(|array| some(array, range.clone()))
+        }
+        let range = from..from + count;
+        CellGroups {
+            at: some(&self.at, range.clone()),
+            narrowest: some(&self.narrowest, range.clone()),
+            first: sides(&self.first, range.clone()),
+            per_first: sides(&self.per_first, range.clone()),
+            per_second: sides(&self.per_second, range),
         }
     }
+}
 
+/// Numbers of planes that are one instruction.
+type Group = [f64; TOGETHER];
+
+/// Pieces of these arrays, all of one length, in groups.
+#[derive(Clone, Copy, Debug)]
+struct CellGroups<'a> {
+    at: &'a [Group],
+    narrowest: &'a [Group],
+    first: [&'a [Group]; 2],
+    per_first: [&'a [Group]; 2],
+    per_second: [&'a [Group]; 2],
+}
+
+/// One group of each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellGroup<'a> {
+    at: &'a Group,
+    narrowest: &'a Group,
+    first: [&'a Group; 2],
+    per_first: [&'a Group; 2],
+    per_second: [&'a Group; 2],
+}
+
+impl CellGroup<'_> {
     #[inline(always)]
     pub(super) fn at(&self, plane: usize) -> PlaneCells {
-        let sides = |[below, above]: [&[f64]; 2]| [below[plane], above[plane]];
+        let sides = |[below, above]: [&Group; 2]| [below[plane], above[plane]];
         PlaneCells {
             at: self.at[plane],
             narrowest: self.narrowest[plane],
@@ -192,10 +199,26 @@ impl<'a> CellSlices<'a> {
 /// Cells around nodes next to each other along x.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RowCells<'a> {
-    /// Along x, of the nodes and of a few more, so that there are a multiple of [`TOGETHER`].
-    pub(super) x: CellSlices<'a>,
+    /// Along x, of the nodes and of a few more that make the last group full.
+    x: CellGroups<'a>,
     /// Along y and z.
     pub(super) across: [PlaneCells; 2],
+}
+
+impl<'a> RowCells<'a> {
+    /// Along x, group by group.
+    #[inline(always)]
+    pub(super) fn groups(&self) -> impl Iterator<Item = CellGroup<'a>> {
+        let x = self.x;
+        let sides = |groups: [&'a [Group]; 2], group: usize| [&groups[0][group], &groups[1][group]];
+        (0..x.at.len()).map(move |group| CellGroup {
+            at: &x.at[group],
+            narrowest: &x.narrowest[group],
+            first: sides(x.first, group),
+            per_first: sides(x.per_first, group),
+            per_second: sides(x.per_second, group),
+        })
+    }
 }
 
 /// The planes of a lattice.
@@ -224,18 +247,23 @@ impl Stars {
         Self { planes, along_x, strides: lattice.strides() }
     }
 
-    /// Those of some nodes, first to last, that are in the row of the node that was asked for last.
-    pub(super) fn in_row(&self, nodes: &Range<usize>, row: &mut Row) -> (Range<usize>, RowCells<'_>) {
+    /// Those of some nodes that are in the row of the first.
+    pub(super) fn in_row(&self, nodes: Range<usize>, row: &mut Row) -> StarsInRow<'_> {
         self.find_row(nodes.start, row);
+        let [x, y, z] = &self.planes;
         let nodes = nodes.start..nodes.end.min(row.nodes.end);
         let from = nodes.start - row.nodes.start;
-        let count = nodes.len().next_multiple_of(TOGETHER);
-        let [_, y, z] = &self.planes;
-        let across = [&y[row.place[0]], &z[row.place[1]]].map(PlaneCells::of);
-        (nodes, RowCells { x: self.along_x.slice(from..from + count), across })
+        StarsInRow {
+            x: &x[from..from + nodes.len()],
+            across: [&y[row.place[0]], &z[row.place[1]]],
+            along_x: self.along_x.groups(from, nodes.len().next_multiple_of(TOGETHER)),
+            nodes,
+            strides: self.strides,
+        }
     }
 
     /// The number of a neighbour that a node has.
+    #[inline]
     pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
         let stride = self.strides[number / 2];
         if number % 2 == 0 { node - stride } else { node + stride }
@@ -261,6 +289,37 @@ impl Stars {
         let [x, y, z] = &self.planes;
         let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
         Star { node, strides: self.strides, planes }
+    }
+}
+
+/// Nodes next to each other in a row.
+pub(super) struct StarsInRow<'a> {
+    pub(super) nodes: Range<usize>,
+    strides: [usize; 3],
+    x: &'a [Plane],
+    across: [&'a Plane; 2],
+    along_x: CellGroups<'a>,
+}
+
+impl StarsInRow<'_> {
+    /// Each of them.
+    pub(super) fn each(&self) -> impl Iterator<Item = Star<'_>> {
+        let [y, z] = self.across;
+        let at = move |(node, x)| Star { node, strides: self.strides, planes: [x, y, z] };
+        self.nodes.clone().zip(self.x).map(at)
+    }
+
+    /// The cells around them.
+    pub(super) fn cells(&self) -> RowCells<'_> {
+        RowCells { x: self.along_x, across: self.across.map(PlaneCells::of) }
+    }
+
+    /// Whether the cells around any of them reach a box across the row.
+    pub(super) fn reach(&self, bounds: &Aabb) -> bool {
+        (0..2).all(|across| {
+            let [below, above] = self.across[across].next;
+            bounds.min[1 + across] <= above && bounds.max[1 + across] >= below
+        })
     }
 }
 
