@@ -123,6 +123,7 @@ fn better_cube_root(x: f64, mut root: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Extent;
     use super::*;
     use std::f64::consts::FRAC_PI_4;
 
@@ -153,6 +154,24 @@ mod tests {
                 assert_eq!([within, at_edge], [0.0; 2]);
             }
         }
+    }
+
+    #[test]
+    fn thickness_is_that_across_each_face() {
+        // The upper edge of a plate: as broad as long, and thin.
+        let angle = RightAngle {
+            place: DVec3::ZERO,
+            normals: [DVec3::Y, DVec3::Z],
+            inside: 1.0,
+            radius: f64::INFINITY,
+            thickness: [0.15, 0.02],
+            breadth: 0.15,
+        };
+        assert!(angle.is_thicker_than(DVec3::new(0.2, 0.1, 0.019)));
+        assert!(!angle.is_thicker_than(DVec3::new(0.01, 0.01, 0.021)));
+        assert!(!angle.is_thicker_than(DVec3::new(0.01, 0.16, 0.01)));
+        let turned = RightAngle { normals: [DVec3::Y, DVec3::new(0.6, 0.0, 0.8)], ..angle };
+        assert!(!turned.is_thicker_than(DVec3::new(0.04, 0.01, 0.01)));
     }
 
     #[test]

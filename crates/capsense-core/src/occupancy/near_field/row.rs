@@ -1,10 +1,10 @@
 //! Rows of nodes by a box: which of its edges is nearest to each node, and the share that this edge has in the node's links.
 //!
-//! The same as one node at a time, but without branches, so that several nodes are one instruction: along a row of the lattice
-//! only x differs.
+//! The same as is found for one node at a time. Along a row of the lattice only x differs, and what
+//! depends on y and z is computed once.
 
 use super::angles::{RightAngles, distances_of_box};
-use super::star::{RowCells, TOGETHER};
+use super::star::{RowCells, TOGETHER, either};
 use super::{FAR, NEAR, RightAngle, smooth};
 use crate::occupancy::index_set::RUN;
 use glam::DVec3;
@@ -78,15 +78,12 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
                 let [outside, squared] = distances_of_box(half, point);
                 let is_x = (squared.x <= squared.y) & (squared.x <= squared.z);
                 let is_y = !is_x & (squared.y <= squared.z);
-                let of_axis = |of: DVec3| {
-                    let of_y_or_z = if is_y { of.y } else { of.z };
-                    if is_x { of.x } else { of_y_or_z }
-                };
+                let of_axis = |of: DVec3| either(is_x, of.x, either(is_y, of.y, of.z));
                 let from = half.copysign(point) - point;
                 let from = DVec3::new(
-                    if is_x { 0.0 } else { from.x },
-                    if is_y { 0.0 } else { from.y },
-                    if is_x | is_y { from.z } else { 0.0 },
+                    either(is_x, 0.0, from.x),
+                    either(is_y, 0.0, from.y),
+                    either(is_x | is_y, from.z, 0.0),
                 );
                 // Across the rows of the rotation, which takes the box's frame to the sensor's.
                 let ways = [turn.x_axis.dot(from), turn.y_axis.dot(from), turn.z_axis.dot(from)];
@@ -114,10 +111,61 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
 /// The larger of two numbers; simpler than [`f64::max`], as neither is NaN.
 #[inline(always)]
 pub(super) fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
+    either(a > b, a, b)
 }
 
 #[inline(always)]
 fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
+    either(a < b, a, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::star::{Row, Stars};
+    use super::super::{RightAngled, share_of};
+    use super::*;
+    use crate::mesh::Lattice;
+    use glam::{DAffine3, DQuat};
+    use pulp::NullaryFnOnce;
+
+    /// Rows of more nodes than are one instruction, and of fewer, on cells of all sizes.
+    #[test]
+    fn rows_find_what_nodes_find() {
+        let planes = |count: u32, growth: f64| {
+            (0..count).map(|plane| 0.3 * f64::from(plane).powf(growth) - 1.0).collect::<Vec<_>>()
+        };
+        let lattice = Lattice::new([planes(11, 1.0), planes(6, 1.2), planes(7, 0.9)]).unwrap();
+        let stars = Stars::of(&lattice);
+        let turn = DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(0.3);
+        let half = DVec3::new(0.7, 0.4, 0.5);
+        for rotation in [DQuat::IDENTITY, turn] {
+            let sensor_from_object =
+                DAffine3::from_rotation_translation(rotation, DVec3::new(0.31, 0.1, -0.2));
+            let object_from_sensor = sensor_from_object.matrix3.transpose();
+            let angles =
+                RightAngles { solid: RightAngled::Box(half), sensor_from_object, object_from_sensor };
+            let mut near = 0;
+            let mut next = 0;
+            while next < 11 * 6 * 7 {
+                let mut nearest = NearestEdges::NONE;
+                let row = stars.in_row(next..next + 40, &mut Row::default());
+                let found = FindNearest { angles: &angles, half, row: row.cells(), nearest: &mut nearest };
+                found.call();
+                for (number, star) in row.each().enumerate() {
+                    let expected = angles.nearest(star.place()).unwrap();
+                    let share = share_of(&star, &expected);
+                    assert!((nearest.share(number) - share).abs() < 1e-12, "{next} {number} {share}");
+                    if share > 0.0 {
+                        near += 1;
+                        let (angle, before) = nearest.angle(number, &angles, half);
+                        assert!(angle.place.distance(expected.place) < 1e-12);
+                        let exact = expected.before(star.place());
+                        assert!((before[0] - exact[0]).abs().max((before[1] - exact[1]).abs()) < 1e-12);
+                    }
+                }
+                next = row.nodes.end;
+            }
+            assert!(near > 100, "{near}");
+        }
+    }
 }

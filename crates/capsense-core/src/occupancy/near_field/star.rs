@@ -78,6 +78,13 @@ impl Plane {
     }
 }
 
+/// One number or the other, both being known. In bits, as a choice between floating-point numbers may become a branch.
+#[inline(always)]
+pub(super) fn either(condition: bool, one: f64, other: f64) -> f64 {
+    let mask = u64::from(condition).wrapping_neg();
+    f64::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
+}
+
 /// The cells below and above a plane of nodes, by which distances along an axis are counted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PlaneCells {
@@ -105,10 +112,11 @@ impl PlaneCells {
     /// Cells to what is so far above, or below; without branches.
     #[inline(always)]
     pub(super) fn cells_to(&self, way: f64) -> f64 {
-        let of_side = |[below, above]: [f64; 2]| if way > 0.0 { above } else { below };
+        let of_side = |[below, above]: [f64; 2]| either(way > 0.0, above, below);
         let (away, first) = (way.abs(), of_side(self.first));
+        let within = away * of_side(self.per_first);
         let behind = 1.0 + (away - first) * of_side(self.per_second);
-        if away <= first { away * of_side(self.per_first) } else { behind }
+        either(away <= first, within, behind)
     }
 }
 
@@ -122,7 +130,7 @@ struct CellArrays {
     per_second: [Vec<f64>; 2],
 }
 
-/// So many nodes of a row are one instruction. Arrays go on for as many planes behind the last, which are as that one.
+/// So many nodes of a row are looked at together. Arrays go on for as many planes behind the last, which are as that one.
 pub(super) const TOGETHER: usize = 8;
 
 impl CellArrays {
@@ -159,7 +167,7 @@ impl CellArrays {
     }
 }
 
-/// Numbers of planes that are one instruction.
+/// A number of planes next to each other.
 type Group = [f64; TOGETHER];
 
 /// Pieces of these arrays, all of one length, in groups.
