@@ -19,8 +19,10 @@
 mod angles;
 mod field;
 mod link;
+mod look;
 mod round;
 mod row;
+mod share;
 mod star;
 
 pub use angles::{RightAngled, RightAngles};
@@ -28,6 +30,8 @@ pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
 pub(super) use round::RoundNear;
+pub(super) use share::Cells;
+use share::{Extent, part_at, share_of, smooth};
 pub(super) use star::{FAR, grown};
 
 use super::coupling::Coupling;
@@ -37,7 +41,8 @@ use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
 use glam::DVec3;
-use link::{LinkBatch, NEIGHBOURS, Unlinked};
+use link::{LinkBatch, Unlinked};
+use look::Look;
 use row::{FindNearest, NearestEdges};
 use star::RowCells;
 use star::Stars;
@@ -124,79 +129,6 @@ impl KnownField {
 pub(super) enum Near {
     Edge(RightAngle),
     Round(RoundNear),
-}
-
-/// How large a conductor is where a field of it is known.
-trait Extent {
-    /// Whether no edge of a mesh, of these lengths along the axes, can have both its ends before the conductor and meet it.
-    fn is_thicker_than(&self, lengths: DVec3) -> bool;
-
-    /// The middle one of the conductor's extents.
-    fn breadth(&self) -> f64;
-}
-
-impl Extent for RightAngle {
-    #[inline]
-    fn is_thicker_than(&self, lengths: DVec3) -> bool {
-        (0..2).all(|face| (self.normals[face] * lengths).abs().max_element() <= self.thickness[face])
-    }
-
-    fn breadth(&self) -> f64 {
-        self.breadth
-    }
-}
-
-impl Extent for RoundNear {
-    fn is_thicker_than(&self, lengths: DVec3) -> bool {
-        lengths.max_element() <= self.diameter()
-    }
-
-    fn breadth(&self) -> f64 {
-        self.diameter()
-    }
-}
-
-/// What nodes are looked at with.
-#[derive(Clone, Copy)]
-struct Look<'a> {
-    scene: &'a Scene<'a>,
-    stars: &'a Stars,
-    /// The conductors that hold nodes.
-    conductors: &'a [u16],
-}
-
-impl Look<'_> {
-    /// The way to a neighbour of a node, negative if below, and the area of the dual face of the edge to it over its length; zero
-    /// if there is none, or a conductor holds it.
-    #[inline(always)]
-    fn way_and_weight(&self, star: &Star<'_>, number: usize, object: u16) -> (f64, f64) {
-        let (axis, side) = (number / 2, number % 2);
-        let (node, step) = star.step(axis, side);
-        let is_held = self.conductors[node] == object;
-        (step, if is_held { 0.0 } else { star.area(axis) * star.inverse(axis, side) })
-    }
-
-    /// Whether an object is between two nodes.
-    fn is_between(&self, object: u16, node: usize, other: usize) -> bool {
-        let [from, to] = [node, other].map(|node| self.scene.mesh.nodes[node]);
-        self.scene.surfaces.span(object.into(), from, to).is_some()
-    }
-
-    /// What a node makes of a round surface.
-    fn linked_to_round(&self, star: &Star<'_>, round: &RoundNear, unlinked: &Unlinked) -> AtWedge {
-        let potential = |node: usize| round.potential(self.scene.mesh.nodes[node]);
-        let (mut weights, mut potentials) = ([[0.0]; NEIGHBOURS], [[0.0]; NEIGHBOURS]);
-        for number in 0..NEIGHBOURS {
-            let (_, weight) = self.way_and_weight(star, number, unlinked.at.object);
-            if weight != 0.0 {
-                let node = self.stars.neighbour_of(star.node, number);
-                if !self.is_between(unlinked.at.object, star.node, node) {
-                    (weights[number], potentials[number]) = ([weight], [potential(node)]);
-                }
-            }
-        }
-        unlinked.linked(potential(star.node), &weights, &potentials)
-    }
 }
 
 /// What all nodes make of edges of conductors.
@@ -557,51 +489,4 @@ impl Scene<'_> {
         let [other] = place.potentials(angle.radius);
         other / potential - 1.0
     }
-}
-
-/// Distances from a node, counted in cells of the mesh around it.
-pub(super) trait Cells {
-    /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
-    fn cells_to(&self, point: DVec3) -> f64;
-
-    /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
-    fn is_next(&self, _point: DVec3) -> bool {
-        false
-    }
-
-    /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
-    fn reach(&self) -> DVec3;
-
-    /// The size of a cell in a direction, in metres.
-    fn size_along(&self, direction: DVec3) -> f64;
-}
-
-/// How much of a node's links is what a right angle makes of them, if there is nothing else.
-#[inline(always)]
-fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
-    let part = part_at(cells, angle.place);
-    if part <= 0.0 {
-        return 0.0;
-    }
-    let size = cells.size_along(angle.along());
-    // Most are far from ends, and most edges straight: no divisions for these.
-    let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
-    let is_straight =
-        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
-    part * from_ends * is_straight
-}
-
-/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
-#[inline(always)]
-fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
-    if cells.is_next(place) {
-        return 1.0;
-    }
-    smooth(((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0))
-}
-
-/// From zero to one without kinks.
-#[inline(always)]
-fn smooth(part: f64) -> f64 {
-    part * part * (3.0 - 2.0 * part)
 }

@@ -274,7 +274,7 @@ impl Stars {
     #[inline]
     pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
         let stride = self.strides[number / 2];
-        if number % 2 == 0 { node - stride } else { node + stride }
+        if number.is_multiple_of(2) { node - stride } else { node + stride }
     }
 
     /// Notes the row of a node.
