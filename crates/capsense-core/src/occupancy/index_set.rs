@@ -13,6 +13,9 @@ pub(super) struct IndexSet {
 
 const BITS: usize = u64::BITS as usize;
 
+/// No more numbers are visited together.
+pub(super) const RUN: usize = BITS;
+
 impl IndexSet {
     /// An empty set of numbers below a bound.
     pub(super) fn below(bound: usize) -> Self {
@@ -24,11 +27,6 @@ impl IndexSet {
         let word = number / BITS;
         self.words[word] |= 1 << (number % BITS);
         self.use_words(word, word);
-    }
-
-    #[inline]
-    pub(super) fn contains(&self, number: usize) -> bool {
-        self.words[number / BITS] >> (number % BITS) & 1 != 0
     }
 
     /// Adds all numbers of a range.
@@ -58,11 +56,19 @@ impl IndexSet {
         }
     }
 
-    /// Visits all numbers in increasing order and leaves the set empty.
-    pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
+    /// Visits all numbers in increasing order, those next to each other together, up to [`RUN`] of them, and leaves the set
+    /// empty.
+    pub(super) fn drain_runs(&mut self, mut visit: impl FnMut(Range<usize>)) {
         for word in std::mem::take(&mut self.used) {
-            let bits = std::mem::take(&mut self.words[word]);
-            for_bits(bits, |bit| visit(word * BITS + bit));
+            let mut bits = std::mem::take(&mut self.words[word]);
+            while bits != 0 {
+                let from = bits.trailing_zeros();
+                let count = (bits >> from).trailing_ones();
+                let first = word * BITS + from as usize;
+                visit(first..first + count as usize);
+                // What is carried beyond the run ends it.
+                bits &= bits.wrapping_add(1 << from);
+            }
         }
     }
 
@@ -128,7 +134,7 @@ mod tests {
         let mut set = IndexSet::below(300);
         let drained = |set: &mut IndexSet| {
             let mut numbers = Vec::new();
-            set.drain(|number| numbers.push(number));
+            set.drain_runs(|run| numbers.extend(run));
             numbers
         };
         [299, 3, 64, 3].into_iter().for_each(|number| set.insert(number));

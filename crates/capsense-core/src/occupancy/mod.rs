@@ -266,15 +266,7 @@ impl Occupancy {
             mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
         }
         let mut around = std::mem::take(&mut self.scratch.around);
-        wedges.for_changed_edges(mesh.edges, |edge, ends, is_linked| {
-            if around.contains(edge) {
-                return;
-            }
-            let owners = ends.map(|node| self.conductor[node as usize]);
-            if is_linked || wedges.may_be_beside(ends, owners) || self.couplings[edge] != Coupling::PLAIN {
-                around.insert(edge);
-            }
-        });
+        wedges.add_changed_edges(mesh.edges, &self.conductor, &self.couplings, &mut around);
         let mut links_lost = false;
         edges.drain_with(&mut around, |edge, is_cut_anew| {
             let ends = mesh.edges.ends_of_existing(edge);

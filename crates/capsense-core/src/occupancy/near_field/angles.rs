@@ -2,6 +2,8 @@
 //! it need not be asked for at every node.
 
 use super::RightAngle;
+use super::row::{larger, smaller};
+use super::star::either;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// A solid about the origin, faces of which meet at right angles.
@@ -42,36 +44,49 @@ impl RightAngles {
 
     #[inline(always)]
     fn nearest_of_box(&self, half: DVec3, local: DVec3) -> RightAngle {
-        let outside = local.abs() - half;
-        let squared = outside * outside;
-        let beyond = outside.max(DVec3::ZERO);
-        // For edges along each axis.
-        let distances = DVec3::splat(squared.element_sum()) - squared + beyond * beyond;
-        let corner = half.copysign(local);
+        let [outside, squared] = distances_of_box(half, local);
+        let axis = if squared.x <= squared.y && squared.x <= squared.z {
+            0
+        } else if squared.y <= squared.z {
+            1
+        } else {
+            2
+        };
+        self.of_box(half, local, axis, inside_of(-outside[axis], squared))
+    }
+
+    /// Of the four edges of a box along an axis, that which is nearest to a point of the box's frame; the place on it is so far
+    /// from its end.
+    #[inline(always)]
+    pub(super) fn of_box(&self, half: DVec3, local: DVec3, axis: usize, inside: f64) -> RightAngle {
         let turn = &self.sensor_from_object.matrix3;
         let side = DVec3::ONE.copysign(local);
-        let nearest = distances.min_element();
-        let second = distances.element_sum() - nearest - distances.max_element();
-        let (place, inside, across, normals) = if distances.x <= distances.y && distances.x <= distances.z {
-            let place = DVec3::new(local.x, corner.y, corner.z);
-            (place, -outside.x, half.y.min(half.z), [turn.y_axis * side.y, turn.z_axis * side.z])
-        } else if distances.y <= distances.z {
-            let place = DVec3::new(corner.x, local.y, corner.z);
-            (place, -outside.y, half.z.min(half.x), [turn.z_axis * side.z, turn.x_axis * side.x])
-        } else {
-            let place = DVec3::new(corner.x, corner.y, local.z);
-            (place, -outside.z, half.x.min(half.y), [turn.x_axis * side.x, turn.y_axis * side.y])
+        let mut place = half.copysign(local);
+        let (thickness, normals) = match axis {
+            0 => {
+                place.x = local.x;
+                ([half.y, half.z], [turn.y_axis * side.y, turn.z_axis * side.z])
+            }
+            1 => {
+                place.y = local.y;
+                ([half.z, half.x], [turn.z_axis * side.z, turn.x_axis * side.x])
+            }
+            _ => {
+                place.z = local.z;
+                ([half.x, half.y], [turn.x_axis * side.x, turn.y_axis * side.y])
+            }
         };
         RightAngle {
             place: self.sensor_from_object.transform_point3(place),
             normals,
-            inside: if inside > 0.0 { inside.min((second - nearest) / inside) } else { inside },
+            inside,
             radius: f64::INFINITY,
-            thickness: 2.0 * across,
+            thickness: thickness.map(|half| 2.0 * half),
             breadth: 2.0 * (half.element_sum() - half.min_element() - half.max_element()),
         }
     }
 
+    #[inline]
     fn rim(&self, radius: f64, half_length: f64, local: DVec3) -> Option<RightAngle> {
         let outwards = local.truncate().try_normalize()?;
         let turn = &self.sensor_from_object.matrix3;
@@ -81,8 +96,30 @@ impl RightAngles {
             normals: [*turn * outwards.extend(0.0), *turn * (DVec3::Z * 1.0_f64.copysign(local.z))],
             inside: f64::INFINITY,
             radius,
-            thickness: 2.0 * radius.min(half_length),
+            thickness: [2.0 * radius, 2.0 * half_length],
             breadth: 2.0 * radius,
         })
     }
+}
+
+/// How far a place on the nearest edge is from where another is the nearest, which is at its ends for places beyond all faces, and
+/// on bisectors of edges for others: `before_end` is how far it is from the edge's end, `squared` are the squares of the distances
+/// from the nearest edges along each axis.
+#[inline(always)]
+pub(super) fn inside_of(before_end: f64, squared: DVec3) -> f64 {
+    let [low, high] = [smaller(squared.x, squared.y), larger(squared.x, squared.y)];
+    let nearest = smaller(low, squared.z);
+    let second = larger(low, smaller(high, squared.z));
+    let to_bisector = (second - nearest) / before_end;
+    either(before_end > 0.0, smaller(before_end, to_bisector), before_end)
+}
+
+/// How far a point of a box's frame is before its faces, along each axis, and the squares of its distances from the nearest
+/// edges along each.
+#[inline(always)]
+pub(super) fn distances_of_box(half: DVec3, local: DVec3) -> [DVec3; 2] {
+    let outside = local.abs() - half;
+    let squared = outside * outside;
+    let beyond = outside.max(DVec3::ZERO);
+    [outside, DVec3::splat(squared.element_sum()) - squared + beyond * beyond]
 }

@@ -13,8 +13,8 @@ pub struct RightAngle {
     pub inside: f64,
     /// Of the circle that the edge is part of, its centre behind the first face; infinite where the edge is straight.
     pub radius: f64,
-    /// How thick the object is behind the faces, at least across one of them.
-    pub thickness: f64,
+    /// How thick the object is behind either face.
+    pub thickness: [f64; 2],
     /// The middle one of the object's extents.
     pub breadth: f64,
 }
@@ -22,8 +22,13 @@ pub struct RightAngle {
 impl RightAngle {
     /// Where a point is: how far before either face, and along the edge.
     pub(in super::super) fn coordinates(&self, point: DVec3) -> [f64; 3] {
-        let from = point - self.place;
-        [self.normals[0].dot(from), self.normals[1].dot(from), self.along().dot(from)]
+        let [p, q] = self.before(point);
+        [p, q, self.along().dot(point - self.place)]
+    }
+
+    /// How far a point is before either face.
+    pub(super) fn before(&self, point: DVec3) -> [f64; 2] {
+        self.normals.map(|normal| normal.dot(point - self.place))
     }
 
     /// The direction of the edge.
@@ -47,36 +52,39 @@ impl<const N: usize> Places<N> {
         (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
     }
 
-    /// Whether no straight way between two of the points passes the object: a face is behind both of them.
-    pub(in super::super) fn see_each_other(&self, a: usize, b: usize) -> bool {
-        let [p, q, _] = &self.0;
-        p[a] >= 0.0 && p[b] >= 0.0 || q[a] >= 0.0 && q[b] >= 0.0
-    }
-
-    /// r^(2/3) sin(2θ/3) at the points, θ from one face to the other; zero in the object. Loops without branches, so that
-    /// several points are one instruction.
+    /// The potentials of an edge of some radius at the points.
     #[inline(always)]
     pub(in super::super) fn potentials(&self, radius: f64) -> [f64; N] {
         let [p, q, along] = &self.0;
         let bend = 0.5 / radius;
-        let (mut before, mut squared, mut roots) = ([0.0; N], [0.0; N], [0.0; N]);
+        let mut before = [0.0; N];
         for point in 0..N {
             before[point] = p[point] + bend * along[point] * along[point];
-            squared[point] = before[point] * before[point] + q[point] * q[point] + f64::MIN_POSITIVE;
         }
-        for point in 0..N {
-            roots[point] = about_cube_root(squared[point]);
-        }
-        let mut potentials = [0.0; N];
-        for point in 0..N {
-            let (p, q, squared) = (before[point], q[point], squared[point]);
-            // From the bisector outside, angles are φ = θ - 3π/4.
-            let third = cosine_of_third(std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.sqrt());
-            let potential = better_cube_root(squared, roots[point]) * (2.0 * third * third - 1.0);
-            potentials[point] = if p > 0.0 || q > 0.0 { potential } else { 0.0 };
-        }
-        potentials
+        wedge_potentials(&before, q)
     }
+}
+
+/// r^(2/3) sin(2θ/3) at points so far before either face, θ from one face to the other; zero in the object. Loops without
+/// branches, so that several points are one instruction.
+#[inline(always)]
+pub(super) fn wedge_potentials<const N: usize>(p: &[f64; N], q: &[f64; N]) -> [f64; N] {
+    let (mut squared, mut roots) = ([0.0; N], [0.0; N]);
+    for point in 0..N {
+        squared[point] = p[point] * p[point] + q[point] * q[point] + f64::MIN_POSITIVE;
+    }
+    for point in 0..N {
+        roots[point] = about_cube_root(squared[point]);
+    }
+    let mut potentials = [0.0; N];
+    for point in 0..N {
+        let (p, q, squared) = (p[point], q[point], squared[point]);
+        // From the bisector outside, angles are φ = θ - 3π/4.
+        let third = cosine_of_third(std::f64::consts::FRAC_1_SQRT_2 * (p + q) / squared.sqrt());
+        let potential = better_cube_root(squared, roots[point]) * (2.0 * third * third - 1.0);
+        potentials[point] = if p > 0.0 || q > 0.0 { potential } else { 0.0 };
+    }
+    potentials
 }
 
 /// cos(φ/3) from cos φ, for |φ| up to 3π/4, by Newton's method on 4c³ - 3c = cos φ; wrong by less than 3e-8.
@@ -115,6 +123,7 @@ fn better_cube_root(x: f64, mut root: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Extent;
     use super::*;
     use std::f64::consts::FRAC_PI_4;
 
@@ -125,7 +134,7 @@ mod tests {
             normals: [DVec3::X, DVec3::Z],
             inside: 1.0,
             radius: f64::INFINITY,
-            thickness: 1.0,
+            thickness: [1.0; 2],
             breadth: 1.0,
         };
         for step in 0..=60 {
@@ -145,6 +154,24 @@ mod tests {
                 assert_eq!([within, at_edge], [0.0; 2]);
             }
         }
+    }
+
+    #[test]
+    fn thickness_is_that_across_each_face() {
+        // The upper edge of a plate: as broad as long, and thin.
+        let angle = RightAngle {
+            place: DVec3::ZERO,
+            normals: [DVec3::Y, DVec3::Z],
+            inside: 1.0,
+            radius: f64::INFINITY,
+            thickness: [0.15, 0.02],
+            breadth: 0.15,
+        };
+        assert!(angle.is_thicker_than(DVec3::new(0.2, 0.1, 0.019)));
+        assert!(!angle.is_thicker_than(DVec3::new(0.01, 0.01, 0.021)));
+        assert!(!angle.is_thicker_than(DVec3::new(0.01, 0.16, 0.01)));
+        let turned = RightAngle { normals: [DVec3::Y, DVec3::new(0.6, 0.0, 0.8)], ..angle };
+        assert!(!turned.is_thicker_than(DVec3::new(0.04, 0.01, 0.01)));
     }
 
     #[test]

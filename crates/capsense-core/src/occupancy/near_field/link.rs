@@ -1,11 +1,21 @@
 //! The links of nodes near conductors, several found at a time.
 
 use super::super::coupling::SMALLEST_PART;
-use super::AtWedge;
-use super::field::{POINTS, Places};
+use super::field::wedge_potentials;
+use super::row::larger;
+use super::{AtWedge, RightAngle};
 
-/// A node near an edge of a conductor, or before a round one, and what its link follows from.
-#[derive(Clone, Debug)]
+/// Links of so many nodes are found together.
+pub(super) const TOGETHER: usize = 16;
+
+/// Neighbours of a node: along each axis that below, then that above.
+pub(super) const NEIGHBOURS: usize = 6;
+
+/// The same number of each of the nodes.
+type Nodes = [f64; TOGETHER];
+
+/// A node near an edge of a conductor, or before a round one, but for what its neighbours are.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Unlinked {
     pub(super) node: usize,
     /// Which of its edges exist.
@@ -14,63 +24,208 @@ pub(super) struct Unlinked {
     pub(super) share: f64,
     /// How much of a negative link is left: the less, the narrower the conductor is than edges are long.
     pub(super) of_negative: f64,
-    /// Of the edge that carries the link, the length and the area of the dual face.
-    pub(super) length: f64,
-    pub(super) area: f64,
-    pub(super) places: Places,
-    /// Of the edges to the neighbours that are seen: the area of the dual face over the distance.
-    pub(super) weights: [f64; POINTS],
-    /// Of the edge; or, before a round surface, the potentials themselves.
-    pub(super) radius: f64,
-    pub(super) potentials: Option<[f64; POINTS]>,
+    /// Of the edge that carries the link, the length over the area of the dual face.
+    pub(super) carrier: f64,
 }
+
+/// Nodes near edges of conductors whose links are to be found, one array for each number.
+#[derive(Clone, Debug)]
+pub(super) struct LinkBatch {
+    count: usize,
+    unlinked: [Unlinked; TOGETHER],
+    /// How far each node is before either face.
+    own: [Nodes; 2],
+    /// By how much both grow along each axis of the sensor frame, and the way along the edge.
+    slopes: [[Nodes; 3]; 3],
+    /// Half of one over the radius of the edge.
+    bend: Nodes,
+    of_negative: Nodes,
+    /// The way to each neighbour.
+    steps: [Nodes; NEIGHBOURS],
+    /// Of the edges to neighbours that the conductor does not hold, the area of the dual face over the length.
+    weights: [Nodes; NEIGHBOURS],
+    /// How far neighbours are before either face.
+    before: [[Nodes; 2]; NEIGHBOURS],
+    /// How many neighbours of each node no face tells to be seen.
+    doubtful: Nodes,
+}
+
+/// What the field of a conductor's edge makes of nodes, for each of them.
+#[derive(Clone, Copy, Debug)]
+struct Links<const N: usize> {
+    potential: [f64; N],
+    /// Σ w (u(Q) - u(P)) / u(P), w being areas over distances.
+    weight: [f64; N],
+}
+
+impl<const N: usize> Links<N> {
+    /// From the potentials of nodes, and the weights of their edges to neighbours with the potentials of these.
+    #[inline(always)]
+    fn of(
+        own: &[f64; N],
+        weights: &Neighbours<N>,
+        potentials: &Neighbours<N>,
+        of_negative: &[f64; N],
+    ) -> Self {
+        let (mut sum, mut of_weights, mut highest) = ([0.0; N], [0.0; N], *own);
+        for (weights, potentials) in weights.iter().zip(potentials) {
+            for at in 0..N {
+                sum[at] += weights[at] * potentials[at];
+                of_weights[at] += weights[at];
+                highest[at] = larger(highest[at], potentials[at]);
+            }
+        }
+        let mut links = Self { potential: [0.0; N], weight: [0.0; N] };
+        for at in 0..N {
+            let potential = larger(larger(own[at], SMALLEST_PART * highest[at]), f64::MIN_POSITIVE);
+            let weight = sum[at] / potential - of_weights[at];
+            links.potential[at] = potential;
+            links.weight[at] = if weight < 0.0 { of_negative[at] * weight } else { weight };
+        }
+        links
+    }
+}
+
+/// A number of each neighbour of each node.
+pub(super) type Neighbours<const N: usize> = [[f64; N]; NEIGHBOURS];
 
 impl Unlinked {
-    /// Of no node yet. The last of its points never is anything's neighbour.
-    pub(super) const NONE: Self = Self {
-        node: 0,
-        sides: 0,
-        at: AtWedge::NONE,
-        share: 0.0,
-        of_negative: 0.0,
-        length: 1.0,
-        area: 1.0,
-        places: Places::ORIGIN,
-        weights: [0.0; POINTS],
-        radius: f64::INFINITY,
-        potentials: None,
-    };
+    const NONE: Self =
+        Self { node: 0, sides: 0, at: AtWedge::NONE, share: 0.0, of_negative: 0.0, carrier: 0.0 };
+
+    /// What the node makes of the conductor, its potentials and those of its neighbours, with their weights, being known.
+    pub(super) fn linked(&self, own: f64, weights: &Neighbours<1>, potentials: &Neighbours<1>) -> AtWedge {
+        let Links { potential: [potential], weight: [weight] } =
+            Links::of(&[own], weights, potentials, &[self.of_negative]);
+        self.linked_by(potential, weight)
+    }
+
+    fn linked_by(&self, potential: f64, weight: f64) -> AtWedge {
+        AtWedge { potential, link: self.share * weight * self.carrier, ..self.at }
+    }
 }
 
-/// Nodes whose links are found with the widest instructions of this machine; none of them fuses or reorders operations, so
-/// that links are the same on every machine. A closure in its place is not compiled for them.
-pub(super) struct FindLinks<'a>(pub(super) &'a mut [Unlinked]);
+impl LinkBatch {
+    pub(super) const EMPTY: Self = Self {
+        count: 0,
+        unlinked: [Unlinked::NONE; TOGETHER],
+        own: [[0.0; TOGETHER]; 2],
+        slopes: [[[0.0; TOGETHER]; 3]; 3],
+        bend: [0.0; TOGETHER],
+        of_negative: [0.0; TOGETHER],
+        steps: [[0.0; TOGETHER]; NEIGHBOURS],
+        weights: [[0.0; TOGETHER]; NEIGHBOURS],
+        before: [[[0.0; TOGETHER]; 2]; NEIGHBOURS],
+        doubtful: [0.0; TOGETHER],
+    };
 
-impl pulp::NullaryFnOnce for FindLinks<'_> {
+    pub(super) fn is_full(&self) -> bool {
+        self.count == TOGETHER
+    }
+
+    /// Takes a node near an edge, so far before either face. `neighbour` tells the way to each neighbour, and the area of the dual face of the
+    /// edge to it over its length; zero if the conductor holds it, or there is none.
+    #[inline(always)]
+    pub(super) fn push(
+        &mut self,
+        unlinked: Unlinked,
+        before: [f64; 2],
+        angle: &RightAngle,
+        neighbour: impl Fn(usize) -> (f64, f64),
+    ) {
+        let at = self.count;
+        self.count += 1;
+        self.unlinked[at] = unlinked;
+        let directions = [angle.normals[0], angle.normals[1], angle.along()];
+        (0..2).for_each(|face| self.own[face][at] = before[face]);
+        for (slopes, direction) in self.slopes.iter_mut().zip(directions) {
+            slopes.iter_mut().zip(direction.to_array()).for_each(|(slope, along)| slope[at] = along);
+        }
+        self.bend[at] = 0.5 / angle.radius;
+        self.of_negative[at] = unlinked.of_negative;
+        for number in 0..NEIGHBOURS {
+            (self.steps[number][at], self.weights[number][at]) = neighbour(number);
+        }
+    }
+
+    /// Finds the links of all nodes and visits each with what it makes of the conductor; none is left. `is_hidden` tells of a
+    /// neighbour of a node whether the conductor is between both.
+    pub(super) fn drain(
+        &mut self,
+        is_hidden: impl Fn(&Unlinked, usize) -> bool,
+        mut visit: impl FnMut(&Unlinked, AtWedge),
+    ) {
+        let arch = pulp::Arch::new();
+        arch.dispatch(PlaceNeighbours(self));
+        let count = std::mem::take(&mut self.count);
+        for at in (0..count).filter(|&at| self.doubtful[at] != 0.0) {
+            for number in 0..NEIGHBOURS {
+                if self.weights[number][at] != 0.0
+                    && !self.is_seen(number, at)
+                    && is_hidden(&self.unlinked[at], number)
+                {
+                    self.weights[number][at] = 0.0;
+                }
+            }
+        }
+        let links = arch.dispatch(FindLinks(self));
+        for at in 0..count {
+            let unlinked = &self.unlinked[at];
+            visit(unlinked, unlinked.linked_by(links.potential[at], links.weight[at]));
+        }
+    }
+
+    /// Whether no straight way from a node to a neighbour passes the object: a face is behind both of them.
+    #[inline(always)]
+    fn is_seen(&self, number: usize, at: usize) -> bool {
+        let is_before = |face: usize| {
+            let step = self.steps[number][at] * self.slopes[face][number / 2][at];
+            (self.own[face][at] >= 0.0) & (self.own[face][at] + step >= 0.0)
+        };
+        is_before(0) | is_before(1)
+    }
+}
+
+/// Finds where neighbours are, with the widest instructions of this machine; none of them fuses or reorders operations, so
+/// that links are the same on every machine. A closure in its place is not compiled for them.
+struct PlaceNeighbours<'a>(&'a mut LinkBatch);
+
+impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        for unlinked in self.0 {
-            unlinked.link();
+        let batch = self.0;
+        batch.doubtful = [0.0; TOGETHER];
+        for number in 0..NEIGHBOURS {
+            for at in 0..TOGETHER {
+                let [p, q, along] = [0, 1, 2].map(|direction: usize| {
+                    batch.steps[number][at] * batch.slopes[direction][number / 2][at]
+                });
+                let is_plain = batch.is_seen(number, at) | (batch.weights[number][at] == 0.0);
+                batch.doubtful[at] += if is_plain { 0.0 } else { 1.0 };
+                // A round edge bends away from its tangent.
+                batch.before[number][0][at] = batch.own[0][at] + p + batch.bend[at] * along * along;
+                batch.before[number][1][at] = batch.own[1][at] + q;
+            }
         }
     }
 }
 
-impl Unlinked {
-    /// Finds the link: Σ w (u(Q) - u(P)) / u(P), w being areas over distances.
+/// Finds the potentials of nodes and what their links weigh in the same way.
+struct FindLinks<'a>(&'a LinkBatch);
+
+impl pulp::NullaryFnOnce for FindLinks<'_> {
+    type Output = Links<TOGETHER>;
+
     #[inline(always)]
-    fn link(&mut self) {
-        let potentials = self.potentials.unwrap_or_else(|| self.places.potentials(self.radius));
-        let (mut sum, mut of_weights, mut highest) = (0.0, 0.0, potentials[0]);
-        for (weight, potential) in self.weights.into_iter().zip(potentials) {
-            sum += weight * potential;
-            of_weights += weight;
-            highest = f64::max(highest, potential);
+    fn call(self) -> Links<TOGETHER> {
+        let batch = self.0;
+        let own = wedge_potentials(&batch.own[0], &batch.own[1]);
+        let mut of_neighbours = [[0.0; TOGETHER]; NEIGHBOURS];
+        for (potentials, [p, q]) in of_neighbours.iter_mut().zip(&batch.before) {
+            *potentials = wedge_potentials(p, q);
         }
-        self.at.potential = potentials[0].max(SMALLEST_PART * highest).max(f64::MIN_POSITIVE);
-        let link = sum / self.at.potential - of_weights;
-        let link = if link < 0.0 { self.of_negative * link } else { link };
-        self.at.link = self.share * link * self.length / self.area;
+        Links::of(&own, &batch.weights, &of_neighbours, &batch.of_negative)
     }
 }

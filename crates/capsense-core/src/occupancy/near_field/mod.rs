@@ -19,7 +19,10 @@
 mod angles;
 mod field;
 mod link;
+mod look;
 mod round;
+mod row;
+mod share;
 mod star;
 
 pub use angles::{RightAngled, RightAngles};
@@ -27,6 +30,8 @@ pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
 pub(super) use round::RoundNear;
+pub(super) use share::Cells;
+use share::{Extent, part_at, share_of, smooth};
 pub(super) use star::{FAR, grown};
 
 use super::coupling::Coupling;
@@ -35,10 +40,14 @@ use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
-use glam::{DMat3, DVec3};
-use link::{FindLinks, Unlinked};
+use glam::DVec3;
+use link::{LinkBatch, Unlinked};
+use look::Look;
+use row::{FindNearest, NearestEdges};
+use star::RowCells;
 use star::Stars;
 pub(super) use star::{Row, Star};
+use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -57,8 +66,8 @@ pub(super) struct AtWedge {
     link: f64,
     /// The potential of the node itself, or what it is taken for where the node is all but in the conductor.
     potential: f64,
-    /// Whether the field is that of one wedge alone: the edge rule has no share in it, and the conductor is thicker than
-    /// edges are long, so that nothing is behind it.
+    /// Whether the field is that of one wedge alone: the edge rule has no share in it, and the conductor is so thick that no edge of
+    /// the mesh has both ends before it and meets it.
     is_all: bool,
     /// Whether that is not so, and a conductor has an edge among the cells around.
     is_beside: bool,
@@ -72,6 +81,11 @@ impl AtWedge {
     fn has_share_of(&self, other: &Self) -> bool {
         let of = |at: &Self| (at.object, at.share.to_bits(), at.is_all);
         of(self) == of(other)
+    }
+
+    /// Whether walls of conductors may pass beside an edge of the node, as far as it knows.
+    fn may_be_beside(&self, owner: u16) -> bool {
+        self.is_beside || self.is_all_to(owner)
     }
 
     /// Whether nothing but the wedge, or the conductor that holds it, matters at this end of an edge.
@@ -96,6 +110,18 @@ impl KnownField {
             (None, None) => Self::None,
         }
     }
+
+    /// The right angles of a box, and half its edge lengths, if it is one.
+    #[inline]
+    fn of_box(&self) -> Option<(&RightAngles, DVec3)> {
+        match self {
+            Self::Edges(angles) => match angles.solid {
+                RightAngled::Box(half) => Some((angles, half)),
+                RightAngled::Cylinder { .. } => None,
+            },
+            _ => None,
+        }
+    }
 }
 
 /// The field near a conductor.
@@ -103,16 +129,6 @@ impl KnownField {
 pub(super) enum Near {
     Edge(RightAngle),
     Round(RoundNear),
-}
-
-impl Near {
-    /// How thick the conductor is, and the middle one of its extents.
-    fn thickness_and_breadth(&self) -> [f64; 2] {
-        match self {
-            Self::Edge(angle) => [angle.thickness, angle.breadth],
-            Self::Round(round) => [round.diameter(); 2],
-        }
-    }
 }
 
 /// What all nodes make of edges of conductors.
@@ -123,18 +139,14 @@ pub(super) struct Wedges {
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
-    /// Room for nodes whose links are to be found, and how many these are.
-    unlinked: Vec<Unlinked>,
-    waiting: usize,
+    /// What the nodes at hand make of each object, if it is a box.
+    nearest: Vec<NearestEdges>,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
     /// of their edges exist.
     around: Vec<(u32, u8)>,
 }
-
-/// Links of so many nodes are found together.
-const TOGETHER: usize = 16;
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
@@ -146,50 +158,97 @@ impl Wedges {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
             self.stars = Stars::of(lattice);
-            self.unlinked.resize(TOGETHER, Unlinked::NONE);
         }
         if self.at.is_empty() {
             return;
         }
-        let (mut nodes, stars) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.stars));
+        let stars = std::mem::take(&mut self.stars);
+        let mut nearest = std::mem::take(&mut self.nearest);
+        if nearest.len() < scene.bounds.len() {
+            nearest.resize(scene.bounds.len(), NearestEdges::NONE);
+        }
+        let mut nodes = std::mem::take(&mut self.nodes);
         let mut row = Row::default();
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
-        nodes.drain(|node| {
-            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
-                let at = AtWedge::NONE;
-                if self.at[node] != at {
-                    let sides = stars.at(node, &mut row).sides();
-                    self.settle(node, sides, at);
-                }
-                return;
-            }
-            let star = stars.at(node, &mut row);
-            if scene.is_linked(&star, conductors, &mut self.unlinked[self.waiting]) {
-                self.waiting += 1;
-                if self.waiting == TOGETHER {
-                    self.link();
-                }
-            } else {
-                let (sides, is_beside) = (star.sides(), scene.is_beside(&star));
-                self.settle(node, sides, AtWedge { is_beside, ..AtWedge::NONE });
+        let mut batch = LinkBatch::EMPTY;
+        let look = Look { scene, stars: &stars, conductors };
+        nodes.drain_runs(|mut run| {
+            while !run.is_empty() {
+                run.start = self.look_at_row(&look, run.clone(), &mut row, &mut nearest, &mut batch);
             }
         });
-        self.link();
-        (self.nodes, self.stars) = (nodes, stars);
+        self.link(&look, &mut batch);
+        (self.nodes, self.nearest, self.stars) = (nodes, nearest, stars);
+    }
+
+    /// Looks at those of some nodes that are in the row of the first, and returns the one after them. Links are found once
+    /// enough nodes wait for theirs.
+    fn look_at_row(
+        &mut self,
+        look: &Look<'_>,
+        nodes: Range<usize>,
+        row: &mut Row,
+        nearest: &mut [NearestEdges],
+        batch: &mut LinkBatch,
+    ) -> usize {
+        let Look { scene, stars, conductors } = *look;
+        let row = stars.in_row(nodes, row);
+        scene.find_nearest_edges(&row.cells(), nearest);
+        let may_be_beside = (0..scene.bounds.len())
+            .any(|object| scene.is_conductor(object) && row.reach(&scene.bounds[object]));
+        for (number, star) in row.each().enumerate() {
+            let node = star.node;
+            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
+                if self.at[node] != AtWedge::NONE {
+                    self.settle(node, star.sides(), AtWedge::NONE);
+                }
+                continue;
+            }
+            let is_beside = || may_be_beside && scene.is_beside(&star);
+            let mut near = None;
+            let found = scene.nearest(node, &star, |object| {
+                if scene.fields[object].of_box().is_some() {
+                    return Some(nearest[object].share(number));
+                }
+                let (seen, share) = scene.near(object, node, &star)?;
+                near = Some(seen);
+                Some(share)
+            });
+            let found = found.filter(|_| scene.takes_link(&star));
+            let Some((object, share)) = found else {
+                self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE });
+                continue;
+            };
+            let (angle, before) = match (scene.fields[object].of_box(), near) {
+                (Some((angles, half)), _) => nearest[object].angle(number, angles, half),
+                (None, Some(Near::Edge(angle))) => (angle, angle.before(star.place())),
+                (None, Some(Near::Round(round))) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
+                    let at = look.linked_to_round(&star, &round, &unlinked);
+                    self.settle(star.node, unlinked.sides, at);
+                    continue;
+                }
+                (None, None) => continue,
+            };
+            let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
+            let neighbour = |number: usize| look.way_and_weight(&star, number, object as u16);
+            batch.push(unlinked, before, &angle, neighbour);
+            if batch.is_full() {
+                self.link(look, batch);
+            }
+        }
+        row.nodes.end
     }
 
     /// Finds the links that are missing.
-    fn link(&mut self) {
-        let mut unlinked = std::mem::take(&mut self.unlinked);
-        let found = &mut unlinked[..std::mem::take(&mut self.waiting)];
-        pulp::Arch::new().dispatch(FindLinks(found));
-        for &mut Unlinked { node, sides, at, .. } in found {
-            self.settle(node, sides, at);
-        }
-        self.unlinked = unlinked;
+    fn link(&mut self, look: &Look<'_>, batch: &mut LinkBatch) {
+        let is_hidden = |unlinked: &Unlinked, number: usize| {
+            look.is_between(unlinked.at.object, unlinked.node, look.stars.neighbour_of(unlinked.node, number))
+        };
+        batch.drain(is_hidden, |unlinked, at| self.settle(unlinked.node, unlinked.sides, at));
     }
 
     /// Notes what a node makes of edges of conductors, and what of that is new.
@@ -204,24 +263,36 @@ impl Wedges {
         }
     }
 
-    /// Visits the edges that the last update may have changed, some several times, and tells whether they carry a link
-    /// that it changed. Others only change if they are not plain, or walls of conductors may pass beside them.
-    pub(super) fn for_changed_edges(&self, edges: &Edges, mut visit: impl FnMut(usize, [u32; 2], bool)) {
+    /// Adds the edges that the last update may have changed, whose ends' `conductors` and whose `couplings` before are known.
+    pub(super) fn add_changed_edges(
+        &self,
+        edges: &Edges,
+        conductors: &[u16],
+        couplings: &[Coupling],
+        changed: &mut IndexSet,
+    ) {
         let Edges::Lattice(lattice) = edges else { return };
         for &node in &self.relinked {
-            let edge = 3 * node as usize + CARRIER;
-            visit(edge, edges.ends_of_existing(edge), true);
+            changed.insert(3 * node as usize + CARRIER);
         }
         let strides = lattice.strides();
         for &(node, sides) in &self.around {
             let node = node as usize;
+            // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
+            let may_be_beside = self.at[node].may_be_beside(conductors[node]);
+            let is_changed = |edge: usize, other: usize| {
+                !couplings[edge].is(&Coupling::PLAIN)
+                    || may_be_beside
+                        && self
+                            .may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
+            };
             for (axis, stride) in strides.into_iter().enumerate() {
                 let sides = sides >> (2 * axis);
-                if sides & 1 != 0 {
-                    visit(3 * (node - stride) + axis, [(node - stride) as u32, node as u32], false);
+                if sides & 1 != 0 && is_changed(3 * (node - stride) + axis, node - stride) {
+                    changed.insert(3 * (node - stride) + axis);
                 }
-                if sides & 2 != 0 {
-                    visit(3 * node + axis, [node as u32, (node + stride) as u32], false);
+                if sides & 2 != 0 && is_changed(3 * node + axis, node + stride) {
+                    changed.insert(3 * node + axis);
                 }
             }
         }
@@ -256,42 +327,67 @@ impl Scene<'_> {
         self.has_edges_in(&star.bounds())
     }
 
-    /// Whether a node is near an edge of a conductor, or a round one, and if so, what it makes of it, but for the link.
-    /// `conductors` are those that hold nodes.
-    fn is_linked(&self, star: &Star<'_>, conductors: &[u16], unlinked: &mut Unlinked) -> bool {
-        if self.mesh.terminals[star.node] != FREE {
-            return false;
+    /// Finds the nearest edges of all boxes that are conductors for a piece of a row.
+    fn find_nearest_edges(&self, row: &RowCells<'_>, nearest: &mut [NearestEdges]) {
+        for (object, nearest) in nearest.iter_mut().enumerate().take(self.bounds.len()) {
+            let Some((angles, half)) = self.fields[object].of_box().filter(|_| self.is_conductor(object))
+            else {
+                continue;
+            };
+            let bounds = &self.bounds[object];
+            let is_far = (0..2).any(|across| {
+                let plane = &row.across[across];
+                let place = plane.at.clamp(bounds.min[1 + across], bounds.max[1 + across]);
+                plane.cells_to(place - plane.at) >= FAR
+            });
+            if is_far {
+                nearest.clear();
+            } else {
+                pulp::Arch::new().dispatch(FindNearest { angles, half, row: *row, nearest });
+            }
         }
-        let Some((object, near, share)) = self.nearest(star.node, star) else { return false };
-        let Some((_, length)) = star.neighbour(CARRIER, true) else { return false };
-        if !self.is_homogeneous(star) {
-            return false;
-        }
-        let longest = star.longest();
-        let [thickness, breadth] = near.thickness_and_breadth();
-        let is_all = share >= 1.0 && thickness >= longest;
-        // All of a share means that the edge is less than a cell away.
-        let is_beside = !is_all && (share >= 1.0 || self.is_beside(star));
-        unlinked.node = star.node;
-        unlinked.sides = star.sides();
-        unlinked.at =
-            AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE };
-        unlinked.share = share;
-        unlinked.of_negative = (breadth / longest - 1.0).clamp(0.0, 1.0);
-        unlinked.length = length;
-        unlinked.area = star.area(CARRIER);
-        match &near {
-            Near::Edge(angle) => self.look_around_edge(star, object, angle, conductors, unlinked),
-            Near::Round(round) => self.look_around_round(star, object, round, conductors, unlinked),
-        }
-        true
     }
 
-    /// The field around the nearest edge of a conductor, or in front of a round one, and its share in a node's links.
+    /// Whether a node may have a link, and its links are known.
     #[inline]
-    pub(super) fn nearest(&self, node: usize, cells: &impl Cells) -> Option<(usize, Near, f64)> {
+    fn takes_link(&self, star: &Star<'_>) -> bool {
+        let is_free = self.mesh.terminals[star.node] == FREE;
+        is_free && star.neighbour(CARRIER, true).is_some() && self.is_homogeneous(star)
+    }
+
+    /// A node near an edge of a conductor, or a round one, and what it makes of it, but for the link.
+    #[inline(always)]
+    fn unlinked(
+        &self,
+        star: &Star<'_>,
+        (object, share): (usize, f64),
+        near: &impl Extent,
+        has_edges_beside: impl Fn() -> bool,
+    ) -> Unlinked {
+        let longest = star.longest();
+        let is_all = share >= 1.0 && near.is_thicker_than(longest);
+        // All of a share means that the edge is less than a cell away.
+        let is_beside = !is_all && (share >= 1.0 || has_edges_beside());
+        Unlinked {
+            node: star.node,
+            sides: star.sides(),
+            at: AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE },
+            share,
+            of_negative: (near.breadth() / longest.max_element() - 1.0).clamp(0.0, 1.0),
+            carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
+        }
+    }
+
+    /// The conductor whose nearest edge, or round surface, has a share in a node's links, and that share. `near` tells what it
+    /// would be of each if there were nothing else.
+    #[inline]
+    pub(super) fn nearest(
+        &self,
+        node: usize,
+        cells: &impl Cells,
+        mut near: impl FnMut(usize) -> Option<f64>,
+    ) -> Option<(usize, f64)> {
         let point = self.mesh.nodes[node];
-        let reach = cells.reach();
         let is_alone = self.bounds.len() == 1;
         let mut found = None;
         let mut share = 1.0_f64;
@@ -300,25 +396,24 @@ impl Scene<'_> {
             if away >= FAR {
                 continue;
             }
-            let near = (found.is_none() && self.is_conductor(object))
-                .then(|| self.near(object, point, reach, cells))
-                .flatten();
-            match near {
-                Some((near, own)) if own > 0.0 => (found, share) = (Some((object, near)), share.min(own)),
+            let near = (found.is_none() && self.is_conductor(object)).then(|| near(object));
+            match near.flatten() {
+                Some(own) if own > 0.0 => (found, share) = (Some(object), share.min(own)),
                 _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
             }
         }
-        found.filter(|_| share > 0.0).map(|(object, near)| (object, near, share))
+        found.filter(|_| share > 0.0).map(|object| (object, share))
     }
 
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
-    fn near(&self, object: usize, point: DVec3, reach: DVec3, cells: &impl Cells) -> Option<(Near, f64)> {
+    pub(super) fn near(&self, object: usize, node: usize, cells: &impl Cells) -> Option<(Near, f64)> {
+        let point = self.mesh.nodes[node];
         match &self.fields[object] {
             KnownField::None => None,
             KnownField::Edges(angles) => {
                 let angle = angles.nearest(point)?;
-                let is_near = (angle.place - point).abs().cmple(reach).all();
+                let is_near = (angle.place - point).abs().cmple(cells.reach()).all();
                 is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
             }
             KnownField::Round(round) => {
@@ -344,64 +439,6 @@ impl Scene<'_> {
             }
         }
         is_homogeneous
-    }
-
-    /// Finds where a node and its neighbours are by a right angle, and the weights of the edges that lead to those which the
-    /// conductor does not cut off.
-    #[inline(always)]
-    fn look_around_edge(
-        &self,
-        star: &Star<'_>,
-        object: usize,
-        angle: &RightAngle,
-        conductors: &[u16],
-        Unlinked { places, weights, radius, potentials, .. }: &mut Unlinked,
-    ) {
-        (*radius, *potentials) = (angle.radius, None);
-        let point = self.mesh.nodes[star.node];
-        let own = angle.coordinates(point);
-        let slopes = DMat3::from_cols(angle.normals[0], angle.normals[1], angle.along()).transpose();
-        places.set(0, own);
-        for (axis, slope) in slopes.to_cols_array_2d().into_iter().enumerate() {
-            let area = star.area(axis);
-            for side in 0..2 {
-                let neighbour = 1 + 2 * axis + side;
-                let (node, step) = star.step(axis, side);
-                let place = |coordinate: usize| own[coordinate] + step * slope[coordinate];
-                places.set(neighbour, [place(0), place(1), place(2)]);
-                let is_seen = step != 0.0
-                    && usize::from(conductors[node]) != object
-                    && (places.see_each_other(0, neighbour)
-                        || self.surfaces.span(object, point, self.mesh.nodes[node]).is_none());
-                weights[neighbour] = if is_seen { area * star.inverse(axis, side) } else { 0.0 };
-            }
-        }
-    }
-
-    /// The same for a round surface, with the potentials themselves.
-    fn look_around_round(
-        &self,
-        star: &Star<'_>,
-        object: usize,
-        round: &RoundNear,
-        conductors: &[u16],
-        Unlinked { potentials, weights, .. }: &mut Unlinked,
-    ) {
-        let point = self.mesh.nodes[star.node];
-        let potentials = potentials.insert([0.0; POINTS]);
-        potentials[0] = round.potential(point);
-        for axis in 0..3 {
-            for side in 0..2 {
-                let neighbour = 1 + 2 * axis + side;
-                let (node, step) = star.step(axis, side);
-                let other = self.mesh.nodes[node];
-                let is_seen = step != 0.0
-                    && usize::from(conductors[node]) != object
-                    && self.surfaces.span(object, point, other).is_none();
-                potentials[neighbour] = if is_seen { round.potential(other) } else { 0.0 };
-                weights[neighbour] = if is_seen { star.area(axis) * star.inverse(axis, side) } else { 0.0 };
-            }
-        }
     }
 
     /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
@@ -452,46 +489,4 @@ impl Scene<'_> {
         let [other] = place.potentials(angle.radius);
         other / potential - 1.0
     }
-}
-
-/// Distances from a node, counted in cells of the mesh around it.
-pub(super) trait Cells {
-    /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
-    fn cells_to(&self, point: DVec3) -> f64;
-
-    /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
-    fn is_next(&self, _point: DVec3) -> bool {
-        false
-    }
-
-    /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
-    fn reach(&self) -> DVec3;
-
-    /// The size of a cell in a direction, in metres.
-    fn size_along(&self, direction: DVec3) -> f64;
-}
-
-/// How much of a node's links is what a right angle makes of them, if there is nothing else.
-#[inline(always)]
-fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
-    let part = part_at(cells, angle.place);
-    if part <= 0.0 {
-        return 0.0;
-    }
-    let size = cells.size_along(angle.along());
-    // Most are far from ends, and most edges straight: no divisions for these.
-    let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
-    let is_straight =
-        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
-    part * from_ends * is_straight
-}
-
-/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
-#[inline(always)]
-fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
-    if cells.is_next(place) {
-        return 1.0;
-    }
-    let part = ((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0);
-    part * part * (3.0 - 2.0 * part)
 }

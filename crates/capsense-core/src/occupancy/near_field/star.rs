@@ -81,10 +81,162 @@ impl Plane {
     }
 }
 
+/// One number or the other, both being known. In bits, as a choice between floating-point numbers may become a branch.
+#[inline(always)]
+pub(super) fn either(condition: bool, one: f64, other: f64) -> f64 {
+    let mask = u64::from(condition).wrapping_neg();
+    f64::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
+}
+
+/// The cells below and above a plane of nodes, by which distances along an axis are counted.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PlaneCells {
+    pub(super) at: f64,
+    /// The way to the nearer neighbour.
+    pub(super) narrowest: f64,
+    /// The cells next to the plane, and one over their sizes and those behind them.
+    first: [f64; 2],
+    per_first: [f64; 2],
+    per_second: [f64; 2],
+}
+
+impl PlaneCells {
+    fn of(plane: &Plane) -> Self {
+        let of_cell = |cell: usize| plane.cells.map(|cells| cells[cell]);
+        Self {
+            at: plane.at,
+            narrowest: plane.narrowest,
+            first: of_cell(0),
+            per_first: of_cell(0).map(f64::recip),
+            per_second: of_cell(1).map(f64::recip),
+        }
+    }
+
+    /// Cells to what is so far above, or below; without branches.
+    #[inline(always)]
+    pub(super) fn cells_to(&self, way: f64) -> f64 {
+        let of_side = |[below, above]: [f64; 2]| either(way > 0.0, above, below);
+        let (away, first) = (way.abs(), of_side(self.first));
+        let within = away * of_side(self.per_first);
+        let behind = 1.0 + (away - first) * of_side(self.per_second);
+        either(away <= first, within, behind)
+    }
+}
+
+/// The same of several planes, one array for each number.
+#[derive(Clone, Debug, Default)]
+struct CellArrays {
+    at: Vec<f64>,
+    narrowest: Vec<f64>,
+    first: [Vec<f64>; 2],
+    per_first: [Vec<f64>; 2],
+    per_second: [Vec<f64>; 2],
+}
+
+/// So many nodes of a row are looked at together. Arrays go on for as many planes behind the last, which are as that one.
+pub(super) const TOGETHER: usize = 8;
+
+impl CellArrays {
+    fn of(planes: &[Plane]) -> Self {
+        let spare = planes.last().into_iter().cycle().take(TOGETHER);
+        let cells: Vec<PlaneCells> = planes.iter().chain(spare).map(PlaneCells::of).collect();
+        let all = |number: &dyn Fn(&PlaneCells) -> f64| cells.iter().map(number).collect::<Vec<f64>>();
+        let sides = |of: &dyn Fn(&PlaneCells) -> [f64; 2]| [0, 1].map(|side| all(&|cells| of(cells)[side]));
+        Self {
+            at: all(&|cells| cells.at),
+            narrowest: all(&|cells| cells.narrowest),
+            first: sides(&|cells| cells.first),
+            per_first: sides(&|cells| cells.per_first),
+            per_second: sides(&|cells| cells.per_second),
+        }
+    }
+
+    /// So many from one on, in groups.
+    fn groups(&self, from: usize, count: usize) -> CellGroups<'_> {
+        fn some(array: &[f64], range: Range<usize>) -> &[Group] {
+            array[range].as_chunks().0
+        }
+        fn sides(arrays: &[Vec<f64>; 2], range: Range<usize>) -> [&[Group]; 2] {
+            arrays.each_ref().map(|array| some(array, range.clone()))
+        }
+        let range = from..from + count;
+        CellGroups {
+            at: some(&self.at, range.clone()),
+            narrowest: some(&self.narrowest, range.clone()),
+            first: sides(&self.first, range.clone()),
+            per_first: sides(&self.per_first, range.clone()),
+            per_second: sides(&self.per_second, range),
+        }
+    }
+}
+
+/// A number of planes next to each other.
+type Group = [f64; TOGETHER];
+
+/// Pieces of these arrays, all of one length, in groups.
+#[derive(Clone, Copy, Debug)]
+struct CellGroups<'a> {
+    at: &'a [Group],
+    narrowest: &'a [Group],
+    first: [&'a [Group]; 2],
+    per_first: [&'a [Group]; 2],
+    per_second: [&'a [Group]; 2],
+}
+
+/// One group of each.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CellGroup<'a> {
+    at: &'a Group,
+    narrowest: &'a Group,
+    first: [&'a Group; 2],
+    per_first: [&'a Group; 2],
+    per_second: [&'a Group; 2],
+}
+
+impl CellGroup<'_> {
+    #[inline(always)]
+    pub(super) fn at(&self, plane: usize) -> PlaneCells {
+        let sides = |[below, above]: [&Group; 2]| [below[plane], above[plane]];
+        PlaneCells {
+            at: self.at[plane],
+            narrowest: self.narrowest[plane],
+            first: sides(self.first),
+            per_first: sides(self.per_first),
+            per_second: sides(self.per_second),
+        }
+    }
+}
+
+/// Cells around nodes next to each other along x.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowCells<'a> {
+    /// Along x, of the nodes and of a few more that make the last group full.
+    x: CellGroups<'a>,
+    /// Along y and z.
+    pub(super) across: [PlaneCells; 2],
+}
+
+impl<'a> RowCells<'a> {
+    /// Along x, group by group.
+    #[inline(always)]
+    pub(super) fn groups(&self) -> impl Iterator<Item = CellGroup<'a>> {
+        let x = self.x;
+        let sides = |groups: [&'a [Group]; 2], group: usize| [&groups[0][group], &groups[1][group]];
+        (0..x.at.len()).map(move |group| CellGroup {
+            at: &x.at[group],
+            narrowest: &x.narrowest[group],
+            first: sides(x.first, group),
+            per_first: sides(x.per_first, group),
+            per_second: sides(x.per_second, group),
+        })
+    }
+}
+
 /// The planes of a lattice.
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct Stars {
     planes: [Vec<Plane>; 3],
+    along_x: CellArrays,
     strides: [usize; 3],
 }
 
@@ -98,17 +250,40 @@ pub(in super::super) struct Row {
 
 impl Stars {
     pub(super) fn of(lattice: &Lattice) -> Self {
-        let planes = lattice
+        let planes: [Vec<Plane>; 3] = lattice
             .axes()
             .each_ref()
             .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
-        Self { planes, strides: lattice.strides() }
+        let along_x = CellArrays::of(&planes[0]);
+        Self { planes, along_x, strides: lattice.strides() }
     }
 
-    /// A node of the lattice, best in the row of the one before.
-    #[inline]
-    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
+    /// Those of some nodes that are in the row of the first.
+    pub(super) fn in_row(&self, nodes: Range<usize>, row: &mut Row) -> StarsInRow<'_> {
+        self.find_row(nodes.start, row);
         let [x, y, z] = &self.planes;
+        let nodes = nodes.start..nodes.end.min(row.nodes.end);
+        let from = nodes.start - row.nodes.start;
+        StarsInRow {
+            x: &x[from..from + nodes.len()],
+            across: [&y[row.place[0]], &z[row.place[1]]],
+            along_x: self.along_x.groups(from, nodes.len().next_multiple_of(TOGETHER)),
+            nodes,
+            strides: self.strides,
+        }
+    }
+
+    /// The number of a neighbour that a node has.
+    #[inline]
+    pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
+        let stride = self.strides[number / 2];
+        if number.is_multiple_of(2) { node - stride } else { node + stride }
+    }
+
+    /// Notes the row of a node.
+    #[inline]
+    fn find_row(&self, node: usize, row: &mut Row) {
+        let [x, y, _] = &self.planes;
         if !row.nodes.contains(&node) {
             let number = node / x.len();
             *row = Row {
@@ -116,8 +291,46 @@ impl Stars {
                 place: [number % y.len(), number / y.len()],
             };
         }
+    }
+
+    /// A node of the lattice, best in the row of the one before.
+    #[inline]
+    pub(in super::super) fn at(&self, node: usize, row: &mut Row) -> Star<'_> {
+        self.find_row(node, row);
+        let [x, y, z] = &self.planes;
         let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
         Star { node, strides: self.strides, planes }
+    }
+}
+
+/// Nodes next to each other in a row.
+pub(super) struct StarsInRow<'a> {
+    pub(super) nodes: Range<usize>,
+    strides: [usize; 3],
+    x: &'a [Plane],
+    across: [&'a Plane; 2],
+    along_x: CellGroups<'a>,
+}
+
+impl StarsInRow<'_> {
+    /// Each of them.
+    pub(super) fn each(&self) -> impl Iterator<Item = Star<'_>> {
+        let [y, z] = self.across;
+        let at = move |(node, x)| Star { node, strides: self.strides, planes: [x, y, z] };
+        self.nodes.clone().zip(self.x).map(at)
+    }
+
+    /// The cells around them.
+    pub(super) fn cells(&self) -> RowCells<'_> {
+        RowCells { x: self.along_x, across: self.across.map(PlaneCells::of) }
+    }
+
+    /// Whether the cells around any of them reach a box across the row.
+    pub(super) fn reach(&self, bounds: &Aabb) -> bool {
+        (0..2).all(|across| {
+            let [below, above] = self.across[across].next;
+            bounds.min[1 + across] <= above && bounds.max[1 + across] >= below
+        })
     }
 }
 
@@ -185,11 +398,11 @@ impl Star<'_> {
         a.width * b.width + a.skew * b.skew / 12.0
     }
 
-    /// The way to the farthest neighbour.
+    /// The ways to the farther neighbour along each axis.
     #[inline]
-    pub(super) fn longest(&self) -> f64 {
+    pub(super) fn longest(&self) -> DVec3 {
         let [x, y, z] = self.planes;
-        x.longest.max(y.longest).max(z.longest)
+        DVec3::new(x.longest, y.longest, z.longest)
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.

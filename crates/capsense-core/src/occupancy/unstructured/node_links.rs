@@ -196,6 +196,18 @@ impl Unstructured {
         coupling
     }
 
+    /// The conductor whose field is known at a node, that field, and its share in the node's links.
+    fn nearest(&self, scene: &Scene<'_>, node: usize) -> Option<(usize, Near, f64)> {
+        let cells = self.links.cells_at(scene, node);
+        let mut near = None;
+        let (object, share) = scene.nearest(node, &cells, |object| {
+            let (field, share) = scene.near(object, node, &cells)?;
+            near = Some(field);
+            Some(share)
+        })?;
+        near.map(|near| (object, near, share))
+    }
+
     fn link(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> NodeLink {
         if conductors[node] != NO_OBJECT {
             return NodeLink::NONE;
@@ -204,7 +216,7 @@ impl Unstructured {
         let (mut object, mut all) = (ending.object, ending.cut);
         if !ending.is_mixed
             && scene.mesh.terminals[node] == FREE
-            && let Some((of, near, share)) = scene.nearest(node, &self.links.cells_at(scene, node))
+            && let Some((of, near, share)) = self.nearest(scene, node)
         {
             object = of as u16;
             let near = match &near {

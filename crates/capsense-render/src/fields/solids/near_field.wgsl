@@ -12,6 +12,8 @@ const FAR: f32 = 2.0;
 // The axis along which each node's own edge carries its link.
 const CARRIER: u32 = 0u;
 const STRAIGHT: f32 = 3e38;
+// By how much thicker than edges of the mesh a conductor must be, so that what is behind it does not matter.
+const SPARE: f32 = 1.1;
 
 // A node of the lattice and its neighbours: how far those below and above are, zero where the lattice ends; and the cells behind
 // these.
@@ -93,7 +95,7 @@ fn part_at(star: Star, place: vec3<f32>) -> f32 {
 // A right angle at which faces of an object meet, in the object's frame.
 struct RightAngle {
     place: vec3<f32>, first: vec3<f32>, second: vec3<f32>,
-    inside: f32, radius: f32, thickness: f32, breadth: f32,
+    inside: f32, radius: f32, thickness: vec2<f32>, breadth: f32,
     // Not there in the middle of a rim.
     exists: bool,
 }
@@ -115,7 +117,7 @@ fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
         angle.second = vec3<f32>(0.0, 0.0, end);
         angle.inside = STRAIGHT;
         angle.radius = size.x;
-        angle.thickness = 2.0 * min(size.x, size.z);
+        angle.thickness = 2.0 * vec2<f32>(size.x, size.z);
         angle.breadth = 2.0 * size.x;
         return angle;
     }
@@ -146,7 +148,7 @@ fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
     angle.inside = -outside[axis];
     if (angle.inside > 0.0) { angle.inside = min(angle.inside, (second - nearest) / angle.inside); }
     angle.radius = STRAIGHT;
-    angle.thickness = 2.0 * min(size[b], size[c]);
+    angle.thickness = 2.0 * vec2<f32>(size[b], size[c]);
     angle.breadth = 2.0 * (size.x + size.y + size.z - min(size.x, min(size.y, size.z)) - max(size.x, max(size.y, size.z)));
     return angle;
 }
@@ -296,23 +298,23 @@ fn wedge_at(star: Star) -> Wedge {
     return linked_wedge(star, spot, found, share);
 }
 
+fn farthest(ways: vec3<f32>) -> f32 { return max(ways.x, max(ways.y, ways.z)); }
+
 fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
     let solid = solid_of(object);
     let is_round = kind_of(solid) == CAPSULE;
     let point = in_frame(solid, spot);
     var angle: RightAngle;
     var second = 0.0;
-    var thickness = 2.0 * solid.size.x;
-    var breadth = thickness;
+    var breadth = 2.0 * solid.size.x;
     if (is_round) {
         second = second_curvature(solid, point);
     } else {
         angle = nearest_angle(solid, point);
-        thickness = angle.thickness;
         breadth = angle.breadth;
     }
     let longest_ways = max(star.below, star.above);
-    let longest = max(longest_ways.x, max(longest_ways.y, longest_ways.z));
+    let longest = farthest(longest_ways);
     let own_place = coordinates(angle, point);
     var own = 0.0;
     if (is_round) { own = round_potential(solid, second, point); } else { own = potential_around(own_place, angle.radius); }
@@ -352,7 +354,12 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
     var wedge: Wedge;
     wedge.object = object;
     wedge.share = share;
-    wedge.is_all = share >= 1.0 && thickness >= longest;
+    if (is_round) {
+        wedge.is_all = share >= 1.0 && SPARE * longest <= breadth;
+    } else {
+        let ways = vec2<f32>(farthest(abs(solid.turn * angle.first) * longest_ways), farthest(abs(solid.turn * angle.second) * longest_ways));
+        wedge.is_all = share >= 1.0 && all(SPARE * ways <= angle.thickness);
+    }
     wedge.potential = max(max(own, SMALLEST_PART * highest), 1e-30);
     var link = sum / wedge.potential - of_weights;
     if (link < 0.0) { link *= clamp(breadth / longest - 1.0, 0.0, 1.0); }

@@ -1,0 +1,86 @@
+//! How much of a node's links is what the field of a conductor makes of them: distances in cells, and extents.
+
+use super::{FAR, NEAR, RightAngle, RoundNear};
+use glam::DVec3;
+
+/// By how much thicker than edges of a mesh a conductor must be, so that what is behind it does not matter before it. With nothing to
+/// spare, steps of a bar of 20 mm sideways differed by up to 0.12 of themselves, with a tenth or a quarter by 0.07.
+const SPARE: f64 = 1.1;
+
+/// How large a conductor is where a field of it is known.
+pub(super) trait Extent {
+    /// Whether no edge of a mesh, of these lengths along the axes, can have both its ends before the conductor and meet it, with
+    /// something to spare.
+    fn is_thicker_than(&self, lengths: DVec3) -> bool;
+
+    /// The middle one of the conductor's extents.
+    fn breadth(&self) -> f64;
+}
+
+impl Extent for RightAngle {
+    #[inline]
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
+        (0..2).all(|face| SPARE * (self.normals[face] * lengths).abs().max_element() <= self.thickness[face])
+    }
+
+    fn breadth(&self) -> f64 {
+        self.breadth
+    }
+}
+
+impl Extent for RoundNear {
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
+        SPARE * lengths.max_element() <= self.diameter()
+    }
+
+    fn breadth(&self) -> f64 {
+        self.diameter()
+    }
+}
+
+/// Distances from a node, counted in cells of the mesh around it.
+pub(in super::super) trait Cells {
+    /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
+    fn cells_to(&self, point: DVec3) -> f64;
+
+    /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
+    fn is_next(&self, _point: DVec3) -> bool {
+        false
+    }
+
+    /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
+    fn reach(&self) -> DVec3;
+
+    /// The size of a cell in a direction, in metres.
+    fn size_along(&self, direction: DVec3) -> f64;
+}
+
+/// How much of a node's links is what a right angle makes of them, if there is nothing else.
+#[inline(always)]
+pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
+    let part = part_at(cells, angle.place);
+    if part <= 0.0 {
+        return 0.0;
+    }
+    let size = cells.size_along(angle.along());
+    // Most are far from ends, and most edges straight: no divisions for these.
+    let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
+    let is_straight =
+        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
+    part * from_ends * is_straight
+}
+
+/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
+#[inline(always)]
+pub(super) fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
+    if cells.is_next(place) {
+        return 1.0;
+    }
+    smooth(((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0))
+}
+
+/// From zero to one without kinks.
+#[inline(always)]
+pub(super) fn smooth(part: f64) -> f64 {
+    part * part * (3.0 - 2.0 * part)
+}
