@@ -51,6 +51,10 @@ pub(crate) fn continuity(arguments: &ContinuityArguments) -> Result<()> {
     for curve in &curves {
         println!("{}", Statistics::of(curve).row(curve.model.name, curve.way.name));
     }
+    for height in OTHER_HEIGHTS {
+        let found = Statistics::of(&curve(SOLID, Way { height: Some(height), ..SIDEWAYS })?);
+        println!("{}", found.row(SOLID.name, &format!("sideways, {height} mm above")));
+    }
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("cannot make {}", out.display()))?;
     write(&out.join("continuity.csv"), &csv(&curves)?)?;
@@ -84,22 +88,21 @@ pub(crate) struct Way {
     pub(crate) label: &'static str,
     /// From and to where, in millimetres.
     pub(crate) range: [f64; 2],
-    /// Height of the lower face and shift along y of the bar, in millimetres.
-    place: fn(f64) -> [f64; 2],
+    /// The height of the bar's lower face, in millimetres, if it moves along y.
+    height: Option<f64>,
 }
 
-pub(crate) const UPWARDS: Way = Way {
-    name: "upwards",
-    label: "height of the bar's lower face [mm]",
-    range: [20.0, 200.0],
-    place: |height| [height, 0.0],
-};
+pub(crate) const UPWARDS: Way =
+    Way { name: "upwards", label: "height of the bar's lower face [mm]", range: [20.0, 200.0], height: None };
 pub(crate) const SIDEWAYS: Way = Way {
     name: "sideways",
     label: "shift of the bar along y, 50 mm above [mm]",
     range: [10.0, 100.0],
-    place: |shift| [50.0, shift],
+    height: Some(50.0),
 };
+/// Of more ways sideways, in millimetres: planes of nodes are within the bar, at its faces, and on either side of it.
+const OTHER_HEIGHTS: [f64; 9] = [20.0, 25.0, 30.0, 35.0, 40.0, 60.0, 70.0, 80.0, 100.0];
+
 pub(crate) const WAYS: [Way; 2] = [UPWARDS, SIDEWAYS];
 
 /// C11 along a way.
@@ -133,7 +136,7 @@ pub(crate) fn curve(model: Model, way: Way) -> Result<Curve> {
     let places: Vec<f64> = (0..=steps).map(|step| from + STEP * step as f64).collect();
     let mut changes = Vec::with_capacity(places.len());
     for &place in &places {
-        let [height, shift] = (way.place)(place);
+        let [height, shift] = way.height.map_or([place, 0.0], |height| [height, place]);
         let centre = DVec3::new(0.0, 1e-3 * shift, 1e-3 * height + 0.5 * BAR.z);
         let _ = if model.camera {
             simulator.step(&seen(Aabb { min: centre - 0.5 * BAR, max: centre + 0.5 * BAR }))?
