@@ -3,7 +3,8 @@
 //! Every object has a tile of its own in one `Depth32Float` atlas, drawn twice: once keeping the nearest depth, once
 //! the farthest. Both are copied to one buffer and mapped. Depth 0..1 spans the object's own extent in z and a little
 //! more, so nothing is clipped there, and depth resolution does not suffer from other objects being far away. What lies
-//! beside the domain is clipped by the tile; what lies before or behind it is cut off after reading back.
+//! beside the domain is clipped by the tile; what lies before or behind it is cut off after reading back. An image has the same bits
+//! in every tile (`depth.wgsl`).
 //!
 //! Nothing is allocated per frame but what wgpu needs for a command buffer.
 
@@ -15,7 +16,7 @@ use crate::error::RenderError;
 use crate::scene::{RenderScene, check_view, clamp_pixel};
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-pub(crate) use device::{GpuDevice, Rows};
+pub(crate) use device::{GpuDevice, NEEDS, Rows};
 use drawing::buffer;
 pub(crate) use drawing::{Drawing, ObjectFrame, Tile};
 use std::time::Duration;
@@ -115,7 +116,7 @@ impl GpuRenderer {
             self.frames.push(frame);
             self.rows.push(rows);
         }
-        resources.drawing.place(&self.gpu, 0, &self.rows);
+        resources.drawing.place(&self.gpu, 0, &mut self.rows);
         let capacity = resources.drawing.atlas.capacity();
         for (page, frames) in self.frames.chunks(capacity).enumerate() {
             if frames.iter().any(|frame| frame.visible) {
@@ -215,6 +216,7 @@ mod tests {
         );
         validator.validate(&module).unwrap();
         let entries: Vec<_> = module.entry_points.iter().map(|e| (e.name.as_str(), e.stage)).collect();
-        assert_eq!(entries, [("project", naga::ShaderStage::Vertex)]);
+        let expected = [("project", naga::ShaderStage::Vertex), ("depth", naga::ShaderStage::Fragment)];
+        assert_eq!(entries, expected);
     }
 }

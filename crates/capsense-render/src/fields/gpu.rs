@@ -29,12 +29,6 @@ pub fn has_adapter() -> bool {
 pub(super) const NEEDS: (wgpu::DownlevelFlags, &str) =
     (wgpu::DownlevelFlags::COMPUTE_SHADERS, "it has no compute shaders");
 
-/// The same to find objects, too.
-const NEEDS_FOR_OBJECTS: (wgpu::DownlevelFlags, &str) = (
-    wgpu::DownlevelFlags::DEPTH_TEXTURE_AND_BUFFER_COPIES,
-    "it has no compute shaders, or cannot copy depth to a buffer",
-);
-
 /// The fields of some scenes that share a mesh, on one graphics device.
 ///
 /// All scenes that were told of a solve to come ([`RemoteFields::announce`]) are computed by the same launches as the first
@@ -106,8 +100,9 @@ impl GpuFields {
         scenes: &[Objects],
         allow_software: bool,
     ) -> Result<Self, RenderError> {
-        let (flags, needs) = NEEDS_FOR_OBJECTS;
-        let adapter = Adapter::open("capsense fields", allow_software, (NEEDS.0 | flags, needs))?;
+        let needs = "it has no compute shaders, cannot copy depth to a buffer, or has none for vertex shaders";
+        let flags = NEEDS.0 | crate::gpu::NEEDS.0;
+        let adapter = Adapter::open("capsense fields", allow_software, (flags, needs))?;
         let finder = Finder::new(&adapter, sensor, Some(camera), scenes)?;
         Self::on(adapter, problem, scenes.len(), Some((finder, Finding::of(scenes, false))))
     }

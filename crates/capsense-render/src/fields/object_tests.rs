@@ -282,7 +282,6 @@ proptest! {
             let simulator = Simulator::new(sensor.clone(), objects.materials.clone(), exact).unwrap();
             (simulator, GpuRenderer::new(GpuOptions::default(), camera.view, &objects.shapes).unwrap())
         }).collect();
-        let mut decided_otherwise = 0;
         for frame in 0..3 {
             let poses = |scene: &Thrown| scene.map(|(_, _, at)| {
                 let [x, y, z, turn] = at[frame];
@@ -300,14 +299,11 @@ proptest! {
                 let ours = &batch.simulators()[scene];
                 let apart = difference(ours.capacitance(), expected.capacitance());
                 let told = report.unwrap().solve.relative_error.max(ERROR);
-                // Whether an edge passes a silhouette may be a matter of rounding; then C is off by what one edge weighs.
-                prop_assert!(apart < told.max(1e-3), "{apart:e} {told:e} in frame {frame} of {:?}", thrown[scene]);
-                decided_otherwise += usize::from(apart >= told);
+                prop_assert!(apart < told, "{apart:e} {told:e} in frame {frame} of {:?}", thrown[scene]);
                 prop_assert!(told < 1.2 * ERROR || !ours.contacts().is_empty(), "{told:e}");
                 prop_assert_eq!(ours.contacts(), expected.contacts());
             }
         }
-        prop_assert!(decided_otherwise <= 3, "{decided_otherwise} of 12 frames");
     }
 }
 
@@ -361,17 +357,12 @@ fn scenes_of_a_batch_have_the_bits_of_each_alone() {
         assert!(reports[..2].iter().all(is_idle), "{reports:?}");
         let touched: Vec<usize> = batch.simulators().iter().map(|one| one.contacts().len()).collect();
         assert_eq!(touched, [0, 0, 1], "{tets}");
-        let (gpu, alone) = batch_of(&sensor, camera, &objects);
-        let mut alone = alone.into_simulators();
-        for scene in 0..3 {
+        for (scene, objects) in objects.iter().enumerate() {
+            let (gpu, mut alone) = with_camera(&sensor, camera, objects);
             for (frame, together) in together.iter().enumerate() {
-                gpu.place(scene, &poses(scene, frame)).unwrap();
-                let _ = alone[scene].step_elsewhere().unwrap();
-                assert_eq!(
-                    alone[scene].capacitance(),
-                    &together[scene],
-                    "{tets}: scene {scene}, frame {frame}"
-                );
+                gpu.place(0, &poses(scene, frame)).unwrap();
+                let _ = alone.step_elsewhere().unwrap();
+                assert_eq!(alone.capacitance(), &together[scene], "{tets}: scene {scene}, frame {frame}");
             }
         }
     }
@@ -446,4 +437,39 @@ fn what_does_not_fit_is_refused() {
     let other = vec![dielectric(3.0)];
     let error = Simulator::with_remote(sensor, other, OPTIONS, Interface::EdgeCut, fields).unwrap_err();
     assert!(error.to_string().contains("other materials"), "{error}");
+}
+
+/// A scene that is many times in a batch has the same capacitances everywhere: depths are those of a tile of its own, also of faces
+/// along the camera's rays.
+#[test]
+fn where_a_scene_is_in_a_batch_does_not_matter() {
+    use proptest::strategy::ValueTree;
+    use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+    let mut dice =
+        TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+    let sensor = sensor(9_000, false, Wall::Grounded);
+    let camera =
+        Camera { view: OrthographicView { domain: DOMAIN, width: 60, height: 50 }, back_fill: false };
+    let objects = Objects { shapes: shapes()[2..].to_vec(), materials: vec![GROUNDED; 2] };
+    let (gpu, mut batch) = batch_of(&sensor, camera, &vec![objects; 6]);
+    // Depths of the first depended on the tile.
+    let mut frames = vec![[
+        [0.07454931592212814, 0.09970938646168676, 0.15478076761384388, 2.594659459772334],
+        [0.03053088403317627, -0.003588593775222759, 0.052159225157190015, 0.6042490211585072],
+    ]];
+    for _ in 0..20 {
+        let thrown = scenes().new_tree(&mut dice).unwrap().current();
+        frames.push([thrown[0][0].2[0], thrown[0][1].2[0]]);
+    }
+    for frame in frames {
+        let poses = frame.map(|[x, y, z, turn]| pose([x, y, z], DVec3::new(0.3, 1.0, 0.2), turn));
+        for scene in 0..6 {
+            gpu.place(scene, &poses).unwrap();
+        }
+        assert!(batch.step_elsewhere().iter().all(Result::is_ok));
+        let first = batch.simulators()[0].capacitance();
+        let apart: Vec<f64> =
+            batch.simulators().iter().map(|one| difference(one.capacitance(), first)).collect();
+        assert!(apart.iter().all(|apart| *apart == 0.0), "{apart:?} {frame:?}");
+    }
 }

@@ -7,6 +7,7 @@ use crate::scene::SceneObject;
 use capsense_core::geometry::Pose;
 use capsense_core::occupancy::OrthographicView;
 use glam::{DMat3, DVec3};
+use std::ops::Range;
 
 /// Widens an object's range of depth on both sides, so that rounding clips nothing: a part of the range, and metres.
 const DEPTH_MARGIN: (f64, f64) = (1e-3, 1e-6);
@@ -17,14 +18,13 @@ pub(crate) struct Drawing {
     pub(crate) atlas: Atlas,
     depth: wgpu::Texture,
     depth_view: wgpu::TextureView,
-    vertices: wgpu::Buffer,
-    indices: wgpu::Buffer,
+    meshes: wgpu::BindGroup,
     rows: wgpu::Buffer,
-    /// First index, end of the indices and first vertex of each mesh.
-    draws: Vec<(u32, u32, i32)>,
+    /// The first of the corners of each mesh's triangles, and their end.
+    draws: Vec<Range<u32>>,
 }
 
-/// What is drawn into a tile of the atlas: a mesh, and which of the poses it has.
+/// What is drawn into a tile of the atlas: a mesh, and which of the poses it has, whose number on its page is the tile's.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tile {
     pub(crate) tile: usize,
@@ -59,8 +59,8 @@ impl ObjectFrame {
         let scale = DVec3::new(2.0 / size.x, -2.0 / size.y, 1.0 / frame.range);
         let linear = DMat3::from_diagonal(scale) * DMat3::from_quat(pose.rotation);
         let offset = scale * (pose.sensor_from_object(object.centre()) - origin);
-        let rows = [0, 1, 2].map(|row| linear.row(row).extend(offset[row]).as_vec4().to_array());
-        (frame, rows)
+        let row = |row| linear.row(row).extend(offset[row]).as_vec4().to_array();
+        (frame, Rows::new([0, 1, 2].map(row), [view.width, view.height]))
     }
 }
 
@@ -83,42 +83,49 @@ impl Drawing {
         if poses == 0 {
             return Ok(None);
         }
-        let (mut vertices, mut indices, mut draws) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut vertices, mut corners, mut draws) = (Vec::new(), Vec::new(), Vec::new());
         for object in meshes {
-            let (first, base) = (indices.len(), vertices.len());
+            let (first, base) = (corners.len(), vertices.len());
             vertices.extend_from_slice(object.positions());
-            indices.extend(object.triangles().iter().flatten().copied());
-            let too_many = |_| RenderError::LimitExceeded {
-                what: "the number of triangle corners",
-                needed: indices.len() as u64,
-                limit: i32::MAX as u64,
-            };
-            let first = u32::try_from(first).map_err(too_many)?;
-            let end = u32::try_from(indices.len()).map_err(too_many)?;
-            draws.push((first, end, i32::try_from(base).map_err(too_many)?));
+            let (needed, limit) = (corners.len() + 3 * object.triangles().len(), u64::from(u32::MAX));
+            if needed.max(vertices.len()) as u64 > limit {
+                let what = "the number of triangle corners";
+                return Err(RenderError::LimitExceeded { what, needed: needed as u64, limit });
+            }
+            corners.extend(object.triangles().iter().flatten().map(|corner| corner + base as u32));
+            draws.push(first as u32..corners.len() as u32);
         }
-        let (vertices, indices) = (bytemuck::cast_slice(&vertices), bytemuck::cast_slice(&indices));
         let rows_bytes = (poses * size_of::<Rows>()) as u64;
         use wgpu::BufferUsages as Usage;
         let depth = depth_texture(gpu, &atlas);
+        let [vertices, corners]: [&[u8]; 2] =
+            [bytemuck::cast_slice(&vertices), bytemuck::cast_slice(&corners)];
+        let buffers = [storage(gpu, "vertices", vertices)?, storage(gpu, "corners of triangles", corners)?];
+        let entries = [0, 1].map(|number: usize| wgpu::BindGroupEntry {
+            binding: number as u32,
+            resource: buffers[number].as_entire_binding(),
+        });
         let drawing = Self {
             atlas,
             depth_view: depth.create_view(&Default::default()),
             depth,
-            vertices: buffer(gpu, "vertices", vertices.len() as u64, Usage::VERTEX | Usage::COPY_DST)?,
-            indices: buffer(gpu, "indices", indices.len() as u64, Usage::INDEX | Usage::COPY_DST)?,
+            meshes: gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("meshes"),
+                layout: &gpu.meshes,
+                entries: &entries,
+            }),
             rows: buffer(gpu, "clip_from_object", rows_bytes, Usage::VERTEX | Usage::COPY_DST)?,
             draws,
         };
         gpu.faults.check("reserving graphics memory")?;
-        gpu.queue.write_buffer(&drawing.vertices, 0, vertices);
-        gpu.queue.write_buffer(&drawing.indices, 0, indices);
-        gpu.faults.check("uploading meshes")?;
         Ok(Some(drawing))
     }
 
     /// Tells where objects are, from a number on.
-    pub(crate) fn place(&self, gpu: &GpuDevice, first: usize, rows: &[Rows]) {
+    pub(crate) fn place(&self, gpu: &GpuDevice, first: usize, rows: &mut [Rows]) {
+        for (object, rows) in rows.iter_mut().enumerate() {
+            rows.draw_at(self.atlas.tile((first + object) % self.atlas.capacity()));
+        }
         let offset = (first * size_of::<Rows>()) as u64;
         gpu.queue.write_buffer(&self.rows, offset, bytemuck::cast_slice(rows));
     }
@@ -146,17 +153,15 @@ impl Drawing {
                 ..Default::default()
             });
             pass.set_pipeline(pipeline);
-            pass.set_vertex_buffer(0, self.vertices.slice(..));
-            pass.set_vertex_buffer(1, self.rows.slice(..));
-            pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+            pass.set_bind_group(0, &self.meshes, &[]);
+            pass.set_vertex_buffer(0, self.rows.slice(..));
             for Tile { tile, mesh, pose } in tiles.clone() {
                 let (x, y) = self.atlas.tile(tile);
                 let (width, height) = (view.width as u32, view.height as u32);
                 pass.set_viewport(x as f32, y as f32, width as f32, height as f32, 0.0, 1.0);
                 pass.set_scissor_rect(x, y, width, height);
-                let (start, end, base) = self.draws[mesh];
                 let instance = pose as u32;
-                pass.draw_indexed(start..end, base, instance..instance + 1);
+                pass.draw(self.draws[mesh].clone(), instance..instance + 1);
             }
             drop(pass);
             self.copy_layer(encoder, target, offset);
@@ -196,6 +201,19 @@ fn depth_texture(gpu: &GpuDevice, atlas: &Atlas) -> wgpu::Texture {
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
         view_formats: &[],
     })
+}
+
+/// A buffer of data that shaders read.
+fn storage(gpu: &GpuDevice, label: &'static str, data: &[u8]) -> Result<wgpu::Buffer, RenderError> {
+    let limit = gpu.limits.max_storage_buffer_binding_size;
+    if data.len() as u64 > limit {
+        return Err(RenderError::LimitExceeded { what: label, needed: data.len() as u64, limit });
+    }
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    // There is no binding of nothing.
+    let buffer = buffer(gpu, label, (data.len() as u64).max(4), usage)?;
+    gpu.queue.write_buffer(&buffer, 0, data);
+    Ok(buffer)
 }
 
 pub(super) fn buffer(

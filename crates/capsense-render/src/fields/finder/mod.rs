@@ -234,8 +234,8 @@ impl Finder {
             match &self.source {
                 Source::Camera(seen) => {
                     if let Some(drawing) = &seen.drawing {
-                        let rows = placed.tell_drawn(&seen.camera, drawing, &self.axes, words);
-                        drawing.place(&seen.gpu, placed.first, &rows);
+                        let mut rows = placed.tell_drawn(&seen.camera, drawing, &self.axes, words);
+                        drawing.place(&seen.gpu, placed.first, &mut rows);
                     }
                 }
                 Source::Exact => placed.tell_exact(&self.axes, words),
