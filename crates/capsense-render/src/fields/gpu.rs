@@ -100,7 +100,8 @@ impl GpuFields {
         scenes: &[Objects],
         allow_software: bool,
     ) -> Result<Self, RenderError> {
-        let needs = "it has no compute shaders, cannot copy depth to a buffer, or has none for vertex shaders";
+        let needs =
+            "it has no compute shaders, cannot copy depth to a buffer, or has none for vertex shaders";
         let flags = NEEDS.0 | crate::gpu::NEEDS.0;
         let adapter = Adapter::open("capsense fields", allow_software, (flags, needs))?;
         let finder = Finder::new(&adapter, sensor, Some(camera), scenes)?;
