@@ -172,3 +172,31 @@ fn block_size(largest: usize, rows: usize, bandwidth: usize) -> usize {
     };
     rows.div_ceil(blocks).max(1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Below a level that threads share they share the next one too, though it has fewer rows; below others there is nothing
+    /// to share.
+    #[test]
+    fn coarse_levels_of_large_meshes_are_shared() {
+        let chain = |rows: usize| {
+            move |row: usize, found: &mut Vec<u32>| {
+                found.extend(
+                    [row.wrapping_sub(1), row + 1]
+                        .into_iter()
+                        .filter(|&other| other < rows)
+                        .map(|r| r as u32),
+                );
+            }
+        };
+        let [large, small] = [20_000, 10_000].map(|rows| Pattern::new(rows, chain(rows)));
+        assert_eq!([large.blocks(), small.blocks()], [2, 1]);
+        let below = |finer: &Pattern, rows| Pattern::coarser(finer, rows, chain(rows));
+        assert_eq!([5_000, 4_000].map(|rows| below(&large, rows).blocks()), [2, 1]);
+        assert_eq!(below(&small, 5_000).blocks(), 1);
+        // A row at either side of the border.
+        assert_eq!(below(&large, 5_000).border(), [2_499, 2_500]);
+    }
+}
