@@ -109,6 +109,13 @@ impl FieldSolver {
         }
     }
 
+    /// Gives back the room that the first refresh took.
+    pub(crate) fn settle(&mut self) {
+        if let Vectors::Lattice(fields) = &mut self.vectors {
+            fields.settle();
+        }
+    }
+
     /// The threads that share the work.
     pub(crate) fn workers(&self) -> &Workers {
         &self.workers

@@ -228,6 +228,11 @@ impl LatticeSolver {
         self.islands.find(matrix, occupancy, fixed, changed);
     }
 
+    /// Gives back the room that the first refresh took, in which every row changed.
+    pub(crate) fn settle(&mut self) {
+        self.hierarchy.settle();
+    }
+
     /// Where a node stands in the vectors.
     fn place(&self, column: usize, node: usize) -> (usize, usize) {
         let (colour, at) = self.layout.place(self.layout.indices(node));

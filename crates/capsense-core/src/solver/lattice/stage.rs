@@ -70,6 +70,12 @@ impl Stage {
         self.made.rooms.iter_mut().for_each(|room| room.row.clear());
     }
 
+    /// Gives back the room that the first refresh took.
+    pub(super) fn settle(&mut self) {
+        self.reached.release();
+        self.made.settle();
+    }
+
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
     pub(super) fn refresh(&mut self, workers: &Workers, arch: Arch, fine: &Network, changed: &Changed) {
         self.reached.clear();

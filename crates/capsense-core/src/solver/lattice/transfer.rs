@@ -61,6 +61,12 @@ impl Transfer {
         }
     }
 
+    /// Gives back the room that the first refresh took.
+    pub(super) fn settle(&mut self) {
+        let Stages { z, y, x, .. } = &mut self.stages;
+        z.iter_mut().chain(y).chain(x).for_each(Stage::settle);
+    }
+
     /// Zeros in the networks of all stages.
     pub(super) fn clear_networks(&mut self) {
         let Stages { z, y, x, .. } = &mut self.stages;
