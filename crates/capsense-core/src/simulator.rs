@@ -116,13 +116,15 @@ impl Simulator {
         let nodes = sensor.mesh().nodes().len();
         let (network, occupancy) = nothing_there(&sensor, &materials, interface);
         // Only multigrid has an operator of its own for lattices.
-        let matrix = match options.preconditioner {
+        let mut matrix = match options.preconditioner {
             Preconditioner::Multigrid => StiffnessMatrix::new(network, nodes),
             _ => StiffnessMatrix::in_rows(network, nodes),
         };
         let mut fields = Fields::new(&sensor, &materials, &matrix, &options, remote);
         fields.note_changes(&matrix, &[]);
         fields.refresh(&matrix, &occupancy, false, &options);
+        fields.settle();
+        matrix.settle();
         let electrodes = CapacitanceMatrix::zeros(sensor.electrode_names().len());
         let terminals = CapacitanceMatrix::zeros(fields.columns() + 1);
         let mut simulator = Self {
@@ -201,7 +203,7 @@ impl Simulator {
             edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
-        self.occupancy.update(mesh, &self.materials, surfaces);
+        self.occupancy.update_with(self.fields.workers(), mesh, &self.materials, surfaces);
         Ok(())
     }
 

@@ -109,6 +109,12 @@ impl IndexList {
         Self { numbers: Vec::new(), contains: vec![false; bound] }
     }
 
+    /// An empty list again, without room for as many as there were.
+    pub(crate) fn release(&mut self) {
+        self.clear();
+        self.numbers = Vec::new();
+    }
+
     /// Adds a number that is not there yet.
     pub(crate) fn insert(&mut self, number: usize) {
         if !std::mem::replace(&mut self.contains[number], true) {

@@ -96,6 +96,11 @@ impl StiffnessMatrix {
         matrix
     }
 
+    /// Forgets that all rows are new, and what room that took: far fewer change from now on.
+    pub(crate) fn settle(&mut self) {
+        self.changed_rows.release();
+    }
+
     /// Takes over what changed in the occupancy. Only changed rows are touched.
     pub fn update(&mut self, occupancy: &Occupancy) {
         self.changed_rows.clear();

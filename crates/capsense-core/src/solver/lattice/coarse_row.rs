@@ -89,8 +89,12 @@ impl CoarseRow {
             let behind = coarse.map(|node| kept.get(node + 1) == Some(&false));
             exists[BLOCK..].iter_mut().zip(behind).for_each(|(to, behind)| *to = f32::from(u8::from(behind)));
         }
+        let behind = if axis == 0 {
+            Behind { next: [zeros(), zeros(), zeros()], leak: zeros(), previous: [zeros(), zeros()] }
+        } else {
+            Behind::default()
+        };
         let next = [zeros(), zeros(), zeros()];
-        let behind = Behind { next: next.clone(), leak: zeros(), previous: [zeros(), zeros()] };
         Self { exists, next, leak: zeros(), besides: [zeros(), zeros()], behind }
     }
 

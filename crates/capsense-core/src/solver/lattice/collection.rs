@@ -6,7 +6,7 @@ use super::coarsening::{Taken, take_over};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
 use super::stage::Stage;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 
@@ -57,6 +57,12 @@ struct Piece<'a> {
 }
 
 impl Made {
+    /// Gives back the room that the first refresh took.
+    pub(super) fn settle(&mut self) {
+        self.changed.release();
+        self.rooms.iter_mut().for_each(|room| room.taken.shrink_to_fit());
+    }
+
     /// Computes all rows that a stage has reached and takes them over where they are not nearly as they were.
     pub(super) fn collect(&mut self, workers: &Workers, arch: Arch, stage: &Stage, fine: &Network) {
         let Self { coarse, changed, rooms } = self;

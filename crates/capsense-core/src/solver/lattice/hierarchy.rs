@@ -12,8 +12,8 @@ use super::network::{Changed, Network};
 use super::stencil::Stencil;
 use super::transfer::Transfer;
 use crate::mesh::Lattice;
-use crate::solver::workers::Workers;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use pulp::Arch;
 
 /// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.
@@ -57,6 +57,8 @@ impl Hierarchy {
             levels.push(Level::new(Layout::new(counts, layout.margin), columns, threads));
             transfers.push(transfer);
         }
+        levels.shrink_to_fit();
+        transfers.shrink_to_fit();
         Self {
             finest: Network::new(layout.counts),
             changed: Changed::nothing(layout.counts),
@@ -71,6 +73,12 @@ impl Hierarchy {
             level.b.iter_mut().chain(&mut level.x).for_each(|values| values.fill(0.0));
         }
         self.transfers.iter_mut().for_each(Transfer::clear);
+    }
+
+    /// Gives back the room that the first refresh took, in which every row changed.
+    pub(super) fn settle(&mut self) {
+        self.changed.release();
+        self.transfers.iter_mut().for_each(Transfer::settle);
     }
 
     /// Zeros in all networks, as before the first refresh.

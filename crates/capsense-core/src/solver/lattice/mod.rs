@@ -33,10 +33,10 @@ mod walk;
 
 use super::islands::Islands;
 use super::operator::State;
-use super::workers::Workers;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use charges::NodeCharges;
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
@@ -226,6 +226,11 @@ impl LatticeSolver {
         changed: &[u32],
     ) {
         self.islands.find(matrix, occupancy, fixed, changed);
+    }
+
+    /// Gives back the room that the first refresh took, in which every row changed.
+    pub(crate) fn settle(&mut self) {
+        self.hierarchy.settle();
     }
 
     /// Where a node stands in the vectors.

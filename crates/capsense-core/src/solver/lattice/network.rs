@@ -83,6 +83,12 @@ impl Changed {
         }
     }
 
+    /// Forgets all, and what room it took.
+    pub(super) fn release(&mut self) {
+        self.clear();
+        self.rows = Vec::new();
+    }
+
     /// Adds some nodes of row (j, k); those outside the network are ignored.
     pub(super) fn add(&mut self, nodes: Range<usize>, j: usize, k: usize) {
         let [nx, ny, nz] = self.counts;

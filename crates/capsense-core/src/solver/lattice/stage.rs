@@ -13,7 +13,7 @@ use super::collection::{Made, Room, TASKS_OF_A_THREAD};
 use super::layout::Layout;
 use super::network::{Changed, Network, place};
 use super::shares::Shares;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::Arch;
 use std::ops::Range;
 
@@ -68,6 +68,12 @@ impl Stage {
         self.next.clear();
         self.made.coarse.clear();
         self.made.rooms.iter_mut().for_each(|room| room.row.clear());
+    }
+
+    /// Gives back the room that the first refresh took.
+    pub(super) fn settle(&mut self) {
+        self.reached.release();
+        self.made.settle();
     }
 
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.

@@ -13,7 +13,7 @@ use super::parts::{Parts, cut_both};
 use super::prolongation::{Behind, Nothing, Prolongation};
 use super::restriction::Restriction;
 use super::stage::Stage;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::Arch;
 
 /// How a level is made coarser, with storage for each thread.
@@ -59,6 +59,12 @@ impl Transfer {
             halves.iter_mut().for_each(HalfRows::clear);
             pairs.clear();
         }
+    }
+
+    /// Gives back the room that the first refresh took.
+    pub(super) fn settle(&mut self) {
+        let Stages { z, y, x, .. } = &mut self.stages;
+        z.iter_mut().chain(y).chain(x).for_each(Stage::settle);
     }
 
     /// Zeros in the networks of all stages.

@@ -5,7 +5,10 @@
 
 use super::super::columns::add;
 use super::level::{Level, Vectors};
-use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
+use crate::workers::{Workers, vectorised};
+
+/// Number of rows that one task takes: a coarse level has few.
+const TASK_ROWS: usize = 1024;
 
 /// What must outlive the second cycle: the first correction and K times it.
 #[derive(Clone, Debug, Default)]

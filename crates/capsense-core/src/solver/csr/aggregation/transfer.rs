@@ -81,7 +81,7 @@ impl Transfer {
         pairs.sort_unstable();
         pairs.dedup();
         let around = Lists::new(count, pairs.iter().map(|&[row, other]| (row, other)));
-        let pattern = Pattern::new(count, |row, found| found.extend(around.of(row)));
+        let pattern = Pattern::coarser(&fine.pattern, count, |row, found| found.extend(around.of(row)));
         let owners: Vec<_> = fine_entries
             .filter_map(|(row, entry)| {
                 let [row, other] = ends(row, entry).filter(|[row, other]| row > other)?;
