@@ -9,7 +9,6 @@ mod comparison;
 mod coupling;
 mod crossing;
 mod depth;
-mod edges_anew;
 mod elements;
 mod fraction;
 mod index_set;
@@ -35,13 +34,12 @@ pub(crate) use unresolved::unresolved;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::Terminal;
-use crate::workers::Workers;
 use changes::Changes;
-use edges_anew::{Asked, EdgesAnew, Found, Sight};
+use coupling::EdgeRule;
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::Wedges;
+use near_field::{Row, Wedges};
 use scene::Scene;
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
@@ -106,7 +104,12 @@ struct Touch {
 /// Storage that is kept from frame to frame so that an update allocates nothing once it has grown.
 #[derive(Clone, Debug)]
 struct Scratch {
-    edges_anew: EdgesAnew,
+    /// Objects that the edge at hand passes through.
+    spans: Vec<(u16, Span)>,
+    /// The same for lines parallel to it.
+    beside: Vec<(u16, Span)>,
+    breaks: Vec<f64>,
+    row: Row,
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
     edges: IndexSet,
@@ -135,7 +138,10 @@ impl Occupancy {
             contacts: Vec::new(),
             changes: Changes::default(),
             scratch: Scratch {
-                edges_anew: EdgesAnew::default(),
+                spans: Vec::new(),
+                beside: Vec::new(),
+                breaks: Vec::new(),
+                row: Row::default(),
                 node_changed: vec![false; nodes],
                 edges: IndexSet::below(edges),
                 around: IndexSet::below(edges),
@@ -179,17 +185,6 @@ impl Occupancy {
     /// wins, a conductor wins over a dielectric, and nodes with a terminal keep it. Only nodes and edges near where an
     /// object's surface is another than in the frame before are visited.
     pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
-        self.update_with(&Workers::default(), mesh, materials, surfaces);
-    }
-
-    /// The same, by threads that share the edges.
-    pub(crate) fn update_with(
-        &mut self,
-        workers: &Workers,
-        mesh: EdgeGeometry<'_>,
-        materials: &[Material],
-        surfaces: &dyn Surfaces,
-    ) {
         self.start_frame();
         self.changes.find(&mesh, materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
@@ -213,7 +208,7 @@ impl Occupancy {
             }
             let mut wedges = std::mem::take(&mut self.wedges);
             wedges.update(&scene, changes.around_edges(), &self.conductor);
-            links_lost = self.update_edges(workers, &scene, &changes, looks_beside, &wedges);
+            links_lost = self.update_edges(&scene, &changes, looks_beside, &wedges);
             self.wedges = wedges;
         }
         links_lost |= self.update_unstructured(&scene, changes.around_edges());
@@ -256,7 +251,6 @@ impl Occupancy {
     /// Applies the edge rule to all edges that may have changed, and returns whether one had a link and has none now.
     fn update_edges(
         &mut self,
-        workers: &Workers,
         scene: &Scene<'_>,
         changes: &Changes,
         looks_beside: bool,
@@ -274,47 +268,75 @@ impl Occupancy {
         let mut around = std::mem::take(&mut self.scratch.around);
         wedges.add_changed_edges(mesh.edges, &self.conductor, &self.couplings, &mut around);
         let mut links_lost = false;
-        let mut anew = std::mem::take(&mut self.scratch.edges_anew);
-        anew.start(workers);
         edges.drain_with(&mut around, |edge, is_cut_anew| {
-            let is_cut_anew = is_cut_anew || scene.has_weak || self.scratch.is_met[edge];
-            if !anew.ask(Asked { edge: edge as u32, is_cut_anew }) {
-                links_lost |= self.take_edges(workers, scene, wedges, &mut anew);
-            }
+            let ends = mesh.edges.ends_of_existing(edge);
+            links_lost |= if is_cut_anew || scene.has_weak || self.scratch.is_met[edge] {
+                self.update_edge(scene, wedges, edge, ends)
+            } else {
+                self.scratch.spans.clear();
+                self.update_around(scene, wedges, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN)
+            };
         });
-        links_lost |= self.take_edges(workers, scene, wedges, &mut anew);
-        (self.scratch.edges, self.scratch.around, self.scratch.edges_anew) = (edges, around, anew);
+        (self.scratch.edges, self.scratch.around) = (edges, around);
         links_lost
     }
 
-    /// Couples the edges that were asked for, and returns whether one had a link and has none now.
-    fn take_edges(
+    /// Applies the edge rule to an edge and returns whether it had a link and has none now.
+    fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
+        let Scratch { spans, beside, breaks, edge_seen, frame, is_met, .. } = &mut self.scratch;
+        edge_seen[edge] = *frame;
+        scene.find_spans(ends, spans);
+        for contact in scene.contacts(ends, spans) {
+            self.touches.add(Touch { place: edge as u32, contact });
+        }
+        let owners = ends.map(|node| self.conductor[node as usize]);
+        let is_free = owners == [NO_OBJECT; 2];
+        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        if let Some(through) = parallel.flatten() {
+            is_met[edge] = true;
+            return self.couple(edge, ends, Coupling::only_through(through));
+        }
+        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
+        let in_face = in_face.flatten();
+        is_met[edge] = in_face.is_some() || !spans.is_empty() || !is_free;
+        let cut = match in_face {
+            Some(through) => Coupling::only_through(through),
+            None => {
+                let background = scene.mesh.permittivity.at(edge);
+                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
+            }
+        };
+        self.update_around(scene, wedges, (edge, ends), owners, cut)
+    }
+
+    /// Couples an edge by what the edge rule makes of it and what is around it, its spans being those found last, and
+    /// returns whether it had a link and has none now.
+    #[inline]
+    fn update_around(
         &mut self,
-        workers: &Workers,
         scene: &Scene<'_>,
         wedges: &Wedges,
-        edges: &mut EdgesAnew,
+        (edge, ends): (usize, [u32; 2]),
+        owners: [u16; 2],
+        cut: Coupling,
     ) -> bool {
-        edges.find(workers, Sight { scene, wedges, conductor: &self.conductor });
-        for (edge, contact) in edges.contacts() {
-            self.touches.add(Touch { place: edge, contact });
+        let covered = if wedges.may_be_beside(ends, owners) {
+            let Scratch { spans, beside, breaks, row, .. } = &mut self.scratch;
+            let star = wedges.star(ends[0] as usize, row);
+            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
+        } else {
+            cut
+        };
+        let coupling = match wedges.between(ends) {
+            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
+            None => covered,
+        };
+        if let Some(unstructured) = &mut self.unstructured {
+            let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
+            unstructured.take(HeldEdge { edge, owners }, ends, is_moved, coupling);
+            return false;
         }
-        let mut links_lost = false;
-        for (Asked { edge, is_cut_anew }, Found { ends, coupling, is_met }) in edges.take() {
-            let edge = edge as usize;
-            if is_cut_anew {
-                self.scratch.edge_seen[edge] = self.scratch.frame;
-                self.scratch.is_met[edge] = is_met;
-            }
-            match &mut self.unstructured {
-                Some(unstructured) => {
-                    let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
-                    unstructured.take(HeldEdge::of(edge, ends, &self.conductor), ends, is_moved, coupling);
-                }
-                None => links_lost |= self.couple(edge, ends, coupling),
-            }
-        }
-        links_lost
+        self.couple(edge, ends, coupling)
     }
 
     /// Couples an edge and returns whether it had a link and has none now.

@@ -40,8 +40,8 @@ impl Frame {
     }
 }
 
-/// Where objects are: answers for points and segments in the sensor frame, which several threads may ask for at once.
-pub trait Surfaces: Sync {
+/// Where objects are: answers for points and segments in the sensor frame.
+pub trait Surfaces {
     /// Number of objects.
     fn objects(&self) -> usize;
 

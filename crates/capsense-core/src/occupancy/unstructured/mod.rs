@@ -40,7 +40,7 @@ pub(super) struct HeldEdge {
 }
 
 impl HeldEdge {
-    pub(super) fn of(edge: usize, ends: [u32; 2], conductors: &[u16]) -> Self {
+    fn of(edge: usize, ends: [u32; 2], conductors: &[u16]) -> Self {
         Self { edge, owners: ends.map(|node| conductors[node as usize]) }
     }
 }

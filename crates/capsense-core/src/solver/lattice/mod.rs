@@ -33,10 +33,10 @@ mod walk;
 
 use super::islands::Islands;
 use super::operator::State;
+use super::workers::Workers;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
-use crate::workers::Workers;
 use charges::NodeCharges;
 use held::{Energies, Held};
 use hierarchy::Hierarchy;

@@ -13,8 +13,8 @@ use crate::solver::demand::Demand;
 use crate::solver::energy_error::{ErrorRule, Experience};
 use crate::solver::operator::{Operator, State};
 use crate::solver::pcg::ConjugateGradients;
+use crate::solver::workers::Workers;
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
-use crate::workers::Workers;
 use glam::{DVec2, DVec3};
 
 const DOMAIN: Aabb = Aabb { min: DVec3::ZERO, max: DVec3::ONE };
