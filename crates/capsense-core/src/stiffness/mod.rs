@@ -290,7 +290,8 @@ impl StiffnessMatrix {
         matches!(self.values, Values::Lattice(_))
     }
 
-    /// Nodes whose rows hold other values since the last update, on the diagonal or beside it; all of a new matrix.
+    /// Nodes whose rows hold other values since the last update, on the diagonal or beside it; all of a new matrix,
+    /// none of that of a new simulator.
     pub fn changed_rows(&self) -> &[u32] {
         self.changed_rows.numbers()
     }
