@@ -12,6 +12,7 @@ use egui_kittest::kittest::Queryable;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 const SIZE: [f32; 2] = [1200.0, 800.0];
@@ -28,8 +29,11 @@ impl Drop for Running {
     }
 }
 
-/// A virtual display of the window's size, and its name.
+/// A virtual display of the window's size, and its name. One starts at a time: two at once may take the same number, where a server
+/// that was killed had it.
 fn display() -> (Running, String) {
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _alone = ONE_AT_A_TIME.lock();
     let mut xvfb = Command::new("Xvfb")
         .args(["-displayfd", "1", "-screen", "0", &format!("{}x{}x24", SIZE[0], SIZE[1]), "-nolisten", "tcp"])
         .stdout(Stdio::piped())
