@@ -6,11 +6,11 @@ use crate::material::Material;
 use crate::occupancy::{Coupling, NO_OBJECT, Occupancy};
 use crate::sensor::{FREE, Sensor, Terminal};
 use crate::solver::{
-    Awake, EdgeFields, FieldSolver, Found, Preconditioner, RemoteFields, SolveError, SolveReport,
-    SolverOptions,
+    EdgeFields, FieldSolver, Found, Preconditioner, RemoteFields, SolveError, SolveReport, SolverOptions,
 };
 use crate::stiffness::StiffnessMatrix;
 use crate::units::VACUUM_PERMITTIVITY;
+use crate::workers::{Awake, Workers};
 
 /// After so many edges it is looked at again whether the bounds still are of use.
 const EDGES_BETWEEN_LOOKS: usize = 64;
@@ -72,7 +72,12 @@ impl Fields {
 
     /// Wakes the threads that share the work.
     pub(crate) fn wake(&self) -> Awake {
-        self.solver.wake()
+        self.solver.workers().wake()
+    }
+
+    /// The threads that share the work.
+    pub(crate) fn workers(&self) -> &Workers {
+        self.solver.workers()
     }
 
     /// Free rows at 0 V, fixed rows at their potentials.

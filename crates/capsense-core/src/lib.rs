@@ -24,6 +24,7 @@ pub mod solids;
 pub mod solver;
 pub mod stiffness;
 pub mod units;
+mod workers;
 pub mod workspace;
 
 pub use glam;

@@ -203,7 +203,7 @@ impl Simulator {
             edges: self.matrix.network().edges(),
             permittivity: self.matrix.network().permittivity(),
         };
-        self.occupancy.update(mesh, &self.materials, surfaces);
+        self.occupancy.update_with(self.fields.workers(), mesh, &self.materials, surfaces);
         Ok(())
     }
 

@@ -10,7 +10,7 @@ use capsense_core::material::Connection;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
-use common::{conductor, stripes_sensor, three_stripes, to};
+use common::{bar, conductor, depth_of_boxes, stripes_sensor, three_stripes, to};
 
 /// C11 and C22 for a bar with its lower face at these heights and shifted along y, in millimetres.
 fn sweep(sensor: Sensor, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
@@ -23,6 +23,26 @@ fn sweep(sensor: Sensor, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 
         [0, 1].map(|electrode| simulator.capacitance().get(electrode, electrode))
     };
     places.map(step).collect()
+}
+
+/// C11 for the bar as a camera of 256 x 256 pixels sees it, its lower face at these heights in millimetres.
+fn sweep_seen(sensor: Sensor, heights: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut simulator = Simulator::new(sensor, vec![conductor(Connection::Grounded)], to(1e-9)).unwrap();
+    let step = |height: f64| {
+        let _ = simulator.step(&depth_of_boxes([256, 256], &[bar(1e-3 * height, 0.0)])).unwrap();
+        simulator.capacitance().get(0, 0)
+    };
+    heights.map(step).collect()
+}
+
+/// Asserts that C falls from each place to the next, and that no step differs from the one before by more than a part of either.
+fn assert_smooth(way: &str, places: &[(f64, f64)], capacitances: &[f64], most: f64) {
+    let falls: Vec<f64> = capacitances.windows(2).map(|pair| pair[0] - pair[1]).collect();
+    let kinks = falls.windows(2).map(|pair| (pair[1] - pair[0]).abs() / pair[0].min(pair[1]));
+    let (place, kink) = places[1..].iter().zip(kinks).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
+    println!("{way}: {kink:.3} at {place:?}");
+    assert!(falls.iter().all(|fall| *fall > 0.0), "{way}");
+    assert!(kink < most, "{way}: {kink} at {place:?}");
 }
 
 fn assert_falls(capacitances: &[[f64; 2]], electrode: usize) {
@@ -60,20 +80,18 @@ fn steps_sidewards_are_felt() {
 }
 
 /// On the lattice that scenes have, no step differs from the one before by more than a tenth: neither faces nor walls that pass
-/// planes of nodes, nor corners, make kinks.
+/// planes of nodes, nor corners, make kinks; upwards, neither for a camera.
 #[test]
 fn steps_follow_from_the_steps_before() {
     let design = three_stripes();
     let sensor = Sensor::on_lattice(&design, &design.lattice(30_000).unwrap()).unwrap();
     let upwards: Vec<_> = (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)).collect();
     let sideways: Vec<_> = (0..=180).map(|k| (50.0, 10.0 + 0.5 * f64::from(k))).collect();
-    for (way, places) in [("upwards", upwards), ("sideways", sideways)] {
+    for (way, places) in [("upwards", &upwards), ("sideways", &sideways)] {
         let found = sweep(sensor.clone(), places.iter().copied());
-        let falls: Vec<f64> = found.windows(2).map(|pair| pair[0][0] - pair[1][0]).collect();
-        let kinks = falls.windows(2).map(|pair| (pair[1] - pair[0]).abs() / pair[0].min(pair[1]));
-        let (place, kink) = places[1..].iter().zip(kinks).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
-        println!("{way}: {kink:.3} at {place:?}");
-        assert!(falls.iter().all(|fall| *fall > 0.0), "{way}");
-        assert!(kink < 0.1, "{way}: {kink} at {place:?}");
+        let first: Vec<f64> = found.iter().map(|pair| pair[0]).collect();
+        assert_smooth(way, places, &first, 0.1);
     }
+    let seen = sweep_seen(sensor, upwards.iter().map(|(height, _)| *height));
+    assert_smooth("upwards, seen by a camera", &upwards, &seen, 0.1);
 }

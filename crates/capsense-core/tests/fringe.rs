@@ -25,6 +25,8 @@ const HALF: i32 = 12;
 enum Model {
     Box,
     Triangles,
+    /// As who looks along z sees it.
+    Layers,
     EdgesAlone,
 }
 
@@ -97,6 +99,7 @@ impl Wedge {
         let (shape, rule) = match model {
             Model::Box => (Shape::Box { size }, Rule::AsSolids),
             Model::Triangles => (box_mesh(size), Rule::AsSolids),
+            Model::Layers => (Shape::Box { size }, Rule::AsLayers),
             Model::EdgesAlone => (Shape::Box { size }, Rule::EdgesAlone),
         };
         let body = Body { shape, pose: Pose::at(centre), material: conductor(Connection::Grounded) };
@@ -141,5 +144,17 @@ fn edges_of_triangle_meshes_are_in_the_mean_where_they_are() {
         println!("{cell}: {mean:.3} ± {spread:.3}, edges alone {mean_alone:.3} ± {spread_alone:.3}");
         assert!(mean.abs() < bound, "{cell}: {mean}");
         assert!(mean_alone < -0.15 && spread < 0.65 * spread_alone, "{cell}: {spread} {spread_alone}");
+    }
+}
+
+/// A camera knows how far walls reach along its rays, not how far faces do across them.
+#[test]
+fn edges_that_a_camera_sees_are_closer_to_where_they_are() {
+    for (cell, bound) in [(DVec2::ONE, 0.09), (DVec2::new(2.0, 1.0), 0.06), (DVec2::new(1.0, 3.0), 0.17)] {
+        let [mean, spread] = excess(cell, Model::Layers);
+        let [mean_alone, spread_alone] = excess(cell, Model::EdgesAlone);
+        println!("{cell}: {mean:.3} ± {spread:.3}, edges alone {mean_alone:.3} ± {spread_alone:.3}");
+        assert!(mean.abs() < bound && bound < mean_alone.abs(), "{cell}: {mean} {mean_alone}");
+        assert!(spread < 0.75 * spread_alone, "{cell}: {spread} {spread_alone}");
     }
 }

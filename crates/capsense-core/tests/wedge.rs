@@ -8,9 +8,11 @@ use capsense_core::geometry::{Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::Connection;
 use capsense_core::mesh::{Bisection, Lattice};
-use capsense_core::occupancy::NO_OBJECT;
+use capsense_core::occupancy::{Coupling, EdgeGeometry, NO_OBJECT, Occupancy};
 use capsense_core::sensor::{ElectrodeNodes, FREE, Sensor};
 use capsense_core::simulator::Simulator;
+use capsense_core::solids::Solids;
+use capsense_core::stiffness::EdgeNetwork;
 use common::shapes::{at, rotation};
 use common::{Dice, conductor, oracle, relative_error, stripes_sensor, three_stripes, to, with_moved_nodes};
 use proptest::prelude::*;
@@ -18,12 +20,18 @@ use std::sync::LazyLock;
 
 /// Cells up to eight times as long as wide or high.
 fn stretched() -> Sensor {
+    stretched_by([40, 50, 10])
+}
+
+/// Equal cells.
+fn stretched_by(cells: [usize; 3]) -> Sensor {
     let design = three_stripes();
-    let axis = |axis: usize, cells: usize| -> Vec<f64> {
+    let axis = |axis: usize| -> Vec<f64> {
         let (low, high) = (design.domain.min[axis], design.domain.max[axis]);
+        let cells = cells[axis];
         (0..=cells).map(|k| low + (high - low) * k as f64 / cells as f64).collect()
     };
-    Sensor::on_lattice(&design, &Lattice::new([axis(0, 40), axis(1, 50), axis(2, 10)]).unwrap()).unwrap()
+    Sensor::on_lattice(&design, &Lattice::new([0, 1, 2].map(axis)).unwrap()).unwrap()
 }
 
 /// Flat elements, most of them with obtuse angles.
@@ -122,4 +130,42 @@ fn nodes_in_faces_are_held() {
             assert!(!is_free || (-0.2..=1.0).contains(&share), "{share} at {place} for {gap}");
         }
     }
+}
+
+/// A sphere is listed before or behind a box that touches the corner of the cube around it: far from the sphere itself, links are
+/// those of the box.
+#[test]
+fn a_body_without_a_share_leaves_the_field_of_another_alone() {
+    let sensor = stretched_by([40, 50, 50]);
+    let network = EdgeNetwork::of_sensor(&sensor);
+    let mesh = EdgeGeometry {
+        nodes: sensor.mesh().nodes(),
+        terminals: sensor.owners(),
+        edges: network.edges(),
+        permittivity: network.permittivity(),
+    };
+    let (radius, centre) = (0.12, DVec3::new(0.0, 0.0, 0.2));
+    let bodies = [
+        (Shape::Sphere { radius }, centre),
+        (Shape::Box { size: DVec3::splat(0.06) }, centre + 0.15 * DVec3::new(1.0, 1.0, 1.001)),
+    ];
+    let materials = [conductor(Connection::Grounded), conductor(Connection::Grounded)];
+    let couplings = |order: [usize; 2]| -> Vec<Coupling> {
+        let mut solids = Solids::new(&order.map(|body| bodies[body].0.clone())).unwrap();
+        solids.place(&order.map(|body| Pose::at(bodies[body].1))).unwrap();
+        let mut occupancy = Occupancy::empty(mesh.nodes.len(), mesh.edges.len());
+        occupancy.update(mesh, &materials, &solids);
+        occupancy.couplings().to_vec()
+    };
+    let swapped = |object: u16| if object == NO_OBJECT { object } else { 1 - object };
+    let mut links = 0;
+    for (edge, (first, second)) in couplings([0, 1]).into_iter().zip(couplings([1, 0])).enumerate() {
+        let Some(ends) = mesh.edges.ends(edge) else { continue };
+        let is_far = |node: u32| mesh.nodes[node as usize].distance(centre) > radius + 0.045;
+        if ends.into_iter().all(is_far) {
+            assert_eq!(first, Coupling { object: second.object.map(swapped), ..second }, "{edge}");
+            links += usize::from(first.is_linked());
+        }
+    }
+    assert!(links > 100, "{links}");
 }

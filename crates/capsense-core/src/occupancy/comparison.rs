@@ -108,8 +108,6 @@ impl Comparison {
 /// Where one surface differs.
 #[derive(Clone, Debug, Default)]
 struct Difference {
-    /// The bits in which each pixel differs; those of rows in which none differs are of an earlier comparison.
-    pixels: Vec<u32>,
     /// The columns that differ in each row lie from the first up to, without, the second.
     rows: Vec<[usize; 2]>,
     /// What is in three successive rows, by the row's number modulo three. Here and in the next, one more column stands
@@ -160,25 +158,20 @@ impl Band {
 }
 
 impl Difference {
-    /// Marks pixels and rows that are not the same bit for bit.
+    /// Marks rows that are not the same bit for bit.
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
-        self.pixels.resize(now.len(), 0);
         self.lines.iter_mut().for_each(|line| line.resize(width + 2));
         self.upright.resize(width + 2);
         self.around.resize(width);
         self.rows.clear();
-        let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
-        for ((before, now), pixels) in rows.zip(self.pixels.chunks_exact_mut(width)) {
-            let bits = before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits());
-            if bits.clone().fold(0, |all, bits| all | bits) == 0 {
-                self.rows.push([width, 0]);
-                continue;
+        self.rows.extend(before.chunks_exact(width).zip(now.chunks_exact(width)).map(|(before, now)| {
+            if differing_bits(before, now).fold(0, |all, bits| all | bits) == 0 {
+                return [width, 0];
             }
-            pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = bits);
-            let first = pixels.iter().position(|&bits| bits != 0).unwrap_or(width);
-            let last = pixels.iter().rposition(|&bits| bits != 0).map_or(0, |last| last + 1);
-            self.rows.push([first, last]);
-        }
+            let first = differing_bits(before, now).position(|bits| bits != 0).unwrap_or(width);
+            let last = differing_bits(before, now).rposition(|bits| bits != 0).map_or(0, |last| last + 1);
+            [first, last]
+        }));
     }
 
     /// Takes what is in one row, in some columns and those beside them.
@@ -187,12 +180,8 @@ impl Difference {
         let padded = beside.start + 1..beside.end + 1;
         let pixels = row * width + beside.start..row * width + beside.end;
         let Band { bits, low, high } = &mut self.lines[row % 3];
-        let [first, end] = self.rows[row];
-        if first < end {
-            bits[padded.clone()].copy_from_slice(&self.pixels[pixels.clone()]);
-        } else {
-            bits[padded.clone()].fill(0);
-        }
+        let differing = differing_bits(&before[pixels.clone()], &now[pixels.clone()]);
+        bits[padded.clone()].iter_mut().zip(differing).for_each(|(bits, differing)| *bits = differing);
         let depths = || before[pixels.clone()].iter().zip(&now[pixels.clone()]);
         let lows = low[padded.clone()].iter_mut().zip(depths());
         lows.for_each(|(low, (&a, &b))| *low = smaller(interval(a)[0], interval(b)[0]));
@@ -223,6 +212,11 @@ impl Difference {
             old[pixels.clone()].copy_from_slice(&new[pixels]);
         }
     }
+}
+
+/// The bits in which depths differ.
+fn differing_bits(before: &[f32], now: &[f32]) -> impl ExactSizeIterator<Item = u32> + DoubleEndedIterator {
+    before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits())
 }
 
 /// Depths between which answers may differ in successive pixels, from the lowest to the highest; [`NOWHERE`] in those in

@@ -4,7 +4,7 @@
 //! holds up to its border, so that no jump is taken for a surface. Every answer is a function of the segment and of
 //! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
 
-use super::{DepthLayers, Span};
+use super::{DepthLayers, LayerWall, Span};
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
@@ -85,16 +85,21 @@ impl Quarter {
 
 impl DepthLayers {
     pub(super) fn is_inside(&self, object: usize, point: DVec3) -> bool {
-        let uv = self.pixel_coordinates(point);
-        let surfaces = self.quarter(object, uv).map(|quarter| quarter.at(uv));
+        let surfaces = self.layer(object, point);
         surfaces.is_some_and(|[front, back]| front < point.z && point.z < back)
+    }
+
+    /// Front and back of an object along the ray through a point.
+    #[inline]
+    pub(super) fn layer(&self, object: usize, point: DVec3) -> Option<[f64; 2]> {
+        let uv = self.pixel_coordinates(point);
+        self.quarter(object, uv).map(|quarter| quarter.at(uv))
     }
 
     /// Walks the segment from one half pixel to the next: within one, the same pixel is hit or missed and the same
     /// four depths are interpolated.
     pub(super) fn span_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
-        let z_at = |t: f64| a.z + (b.z - a.z) * t;
         let mut borders = HalfPixelBorders::between(uv);
         if borders.count() == 0 {
             let quarter = self.quarter(object, uv[0])?;
@@ -108,20 +113,104 @@ impl DepthLayers {
             }
         }
         let mut found: Option<Span> = None;
-        // Along an axis that the segment does not leave, exactly where its ends are: they may be on a border of pixels.
-        let uv_at = |t: f64| uv[0] + (uv[1] - uv[0]) * t;
         let mut start = 0.0;
         while start < 1.0 {
             let end = borders.next_after(start);
-            let quarter = self.quarter(object, uv_at(0.5 * (start + end)));
-            let ends = [start, end].map(uv_at);
-            let piece = quarter.and_then(|quarter| quarter.span(ends, [start, end].map(z_at), [start, end]));
-            if let Some(piece) = piece {
+            if let Some(piece) = self.piece(object, uv, [a.z, b.z], [start, end]) {
                 found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
             }
             start = end;
         }
         found
+    }
+
+    /// Where that walk first meets an object, if it is inside as soon as a pixel starts: where surfaces are interpolated, it is not.
+    pub(super) fn first_wall_between(
+        &self,
+        object: usize,
+        a: DVec3,
+        b: DVec3,
+        depths: [f64; 2],
+    ) -> Option<LayerWall> {
+        let uv = [a, b].map(|point| self.pixel_coordinates(point));
+        let mut borders = HalfPixelBorders::between(uv);
+        let mut start = self.pass_misses(object, uv, &mut borders);
+        while start < 1.0 {
+            let end = borders.next_after(start);
+            if let Some(piece) = self.piece(object, uv, [a.z, b.z], [start, end]) {
+                let middle = uv[0] + (uv[1] - uv[0]) * (0.5 * (start + end));
+                return (piece.enter == start).then(|| LayerWall {
+                    enter: start,
+                    slope: self.slope_behind(object, middle, uv[1] - uv[0], depths),
+                });
+            }
+            start = end;
+        }
+        None
+    }
+
+    /// Passes over the pixels that miss an object at the start of a segment along rows or columns of the image; returns where on the
+    /// segment the first other one starts.
+    fn pass_misses(&self, object: usize, uv: [DVec2; 2], borders: &mut HalfPixelBorders) -> f64 {
+        let way = uv[1] - uv[0];
+        let axis = usize::from(way.y.abs() > way.x.abs());
+        let counts = [self.view().width, self.view().height];
+        let pixels = uv.map(|uv| [0, 1].map(|axis| pixel_at(uv[axis], counts[axis]).map(|(pixel, _)| pixel)));
+        let [[Some(column), Some(row)], ends] = pixels else { return 0.0 };
+        let Some(last) = ends[axis] else { return 0.0 };
+        let strides = [1, counts[0]];
+        let [front, back] = [self.front(object), self.back(object)];
+        let base = row * counts[0] + column - [column, row][axis] * strides[axis];
+        let is_hit =
+            |pixel: &usize| front[base + pixel * strides[axis]] <= back[base + pixel * strides[axis]];
+        let first = [column, row][axis];
+        let hit = if first <= last { (first..=last).find(is_hit) } else { (last..=first).rev().find(is_hit) };
+        match hit {
+            Some(pixel) if pixel == first => 0.0,
+            Some(pixel) => borders.axes[axis].pass(2 * (pixel + usize::from(pixel < first))),
+            None => 1.0,
+        }
+    }
+
+    /// How steeply faces between two depths rise or fall from the pixel around a point to the next one along a way; zero where that
+    /// misses the object.
+    fn slope_behind(&self, object: usize, uv: DVec2, way: DVec2, depths: [f64; 2]) -> f64 {
+        let (width, height) = (self.view().width, self.view().height);
+        let (Some((column, _)), Some((row, _))) = (pixel_at(uv.x, width), pixel_at(uv.y, height)) else {
+            return 0.0;
+        };
+        let is_along_x = way.x.abs() > way.y.abs();
+        let next = |at: usize, way: f64, count: usize| {
+            let next = if way < 0.0 { at.checked_sub(1) } else { Some(at + 1) };
+            next.filter(|&next| next < count)
+        };
+        let pixel = self.view().pixel_size();
+        let (behind, size) = if is_along_x {
+            (next(column, way.x, width).map(|column| row * width + column), pixel.x)
+        } else {
+            (next(row, way.y, height).map(|row| row * width + column), pixel.y)
+        };
+        let Some(behind) = behind else { return 0.0 };
+        let own = row * width + column;
+        let [front, back] = [self.front(object), self.back(object)];
+        if front[behind] > back[behind] {
+            return 0.0;
+        }
+        let [low, high] = depths;
+        let rise = |layer: &[f32]| {
+            let z = f64::from(layer[own]);
+            if low < z && z < high { (f64::from(layer[behind]) - z).abs() } else { 0.0 }
+        };
+        rise(front).max(rise(back)) / size
+    }
+
+    /// What an object fills of a part of a segment within half a pixel, from one parameter to another.
+    #[inline]
+    fn piece(&self, object: usize, uv: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+        // Along an axis that the segment does not leave, exactly where its ends are: they may be on a border of pixels.
+        let uv_at = |t: f64| uv[0] + (uv[1] - uv[0]) * t;
+        let quarter = self.quarter(object, uv_at(0.5 * (t[0] + t[1])))?;
+        quarter.span(t.map(uv_at), t.map(|t| z[0] + (z[1] - z[0]) * t), t)
     }
 
     /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of an
@@ -249,6 +338,14 @@ impl HalfPixelBorders {
 }
 
 impl AxisBorders {
+    /// Passes all borders up to one that the line crosses, and returns where it does.
+    fn pass(&mut self, border: usize) -> f64 {
+        self.next = border as i32;
+        let crossing = self.crossing();
+        self.next += self.direction;
+        crossing
+    }
+
     /// Where the next border is crossed; beyond the end of the line if there is none.
     fn crossing(&self) -> f64 {
         if self.next == self.end {

@@ -5,7 +5,7 @@
 //! each has a thickness.
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
-use super::{Earlier, Regions, Span, Surfaces};
+use super::{Earlier, LayerWall, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
 
@@ -252,6 +252,18 @@ impl Surfaces for DepthLayers {
 
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.span_between(object, a, b)
+    }
+
+    fn has_layers(&self) -> bool {
+        true
+    }
+
+    fn layer_at(&self, object: usize, point: DVec3) -> Option<[f64; 2]> {
+        self.layer(object, point)
+    }
+
+    fn wall_between(&self, object: usize, a: DVec3, b: DVec3, depths: [f64; 2]) -> Option<LayerWall> {
+        self.first_wall_between(object, a, b, depths)
     }
 
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {

@@ -29,6 +29,11 @@ impl IndexSet {
         self.use_words(word, word);
     }
 
+    #[inline]
+    pub(super) fn contains(&self, number: usize) -> bool {
+        self.words[number / BITS] >> (number % BITS) & 1 != 0
+    }
+
     /// Adds all numbers of a range.
     pub(super) fn insert_all(&mut self, numbers: Range<usize>) {
         if numbers.is_empty() {
@@ -53,6 +58,24 @@ impl IndexSet {
             self.used = first..last + 1;
         } else {
             self.used = self.used.start.min(first)..self.used.end.max(last + 1);
+        }
+    }
+
+    /// Takes all numbers of another set below the same bound, which is left empty.
+    pub(super) fn unite(&mut self, other: &mut Self) {
+        let words = std::mem::take(&mut other.used);
+        if !words.is_empty() {
+            self.use_words(words.start, words.end - 1);
+            let pairs = self.words[words.clone()].iter_mut().zip(&mut other.words[words]);
+            pairs.for_each(|(word, other)| *word |= std::mem::take(other));
+        }
+    }
+
+    /// Visits all numbers in increasing order and leaves the set empty.
+    pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
+        for word in std::mem::take(&mut self.used) {
+            let bits = std::mem::take(&mut self.words[word]);
+            for_bits(bits, |bit| visit(word * BITS + bit));
         }
     }
 
@@ -122,6 +145,11 @@ impl IndexList {
         }
     }
 
+    /// Puts the numbers in increasing order.
+    pub(crate) fn sort(&mut self) {
+        self.numbers.sort_unstable();
+    }
+
     pub(crate) fn numbers(&self) -> &[u32] {
         &self.numbers
     }
@@ -153,6 +181,11 @@ mod tests {
         set.drain_with(&mut other, |number, is_own| numbers.push((number, is_own)));
         assert_eq!(numbers, [(3, true), (5, false), (64, false), (200, true)]);
         assert_eq!([drained(&mut set), drained(&mut other)], [[], []]);
+        [64, 130].into_iter().for_each(|number| set.insert(number));
+        [65, 250].into_iter().for_each(|number| other.insert(number));
+        set.unite(&mut other);
+        assert_eq!(drained(&mut set), [64, 65, 130, 250]);
+        assert_eq!(drained(&mut other), []);
         for range in [0..1, 5..5, 63..64, 64..128, 60..70, 1..300, 127..257] {
             set.insert_all(range.clone());
             assert_eq!(drained(&mut set), range.collect::<Vec<_>>());

@@ -4,11 +4,14 @@
 //! dielectrics are capacitors in series, and a conductor ends the edge where its surface is. The other interface models,
 //! which fill whole elements, are told in [`Interface`].
 
+mod camera_wall;
 mod changes;
 mod comparison;
 mod coupling;
 mod crossing;
 mod depth;
+mod edges_anew;
+mod edges_near;
 mod elements;
 mod fraction;
 mod index_set;
@@ -27,19 +30,23 @@ pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
+pub(crate) use near_field::span_in_box;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
-pub use surfaces::{Frame, Span, Surfaces};
+pub use surfaces::{Frame, LayerWall, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 
+use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::Terminal;
+use crate::workers::Workers;
 use changes::Changes;
-use coupling::EdgeRule;
+use edges_anew::{Asked, EdgesAnew, Found, Sight};
+use edges_near::EdgesNear;
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
-use near_field::{Row, Wedges};
+use near_field::Wedges;
 use scene::Scene;
 use sorted::SortedList;
 use unstructured::{HeldEdge, Unstructured};
@@ -104,24 +111,41 @@ struct Touch {
 /// Storage that is kept from frame to frame so that an update allocates nothing once it has grown.
 #[derive(Clone, Debug)]
 struct Scratch {
-    /// Objects that the edge at hand passes through.
-    spans: Vec<(u16, Span)>,
-    /// The same for lines parallel to it.
-    beside: Vec<(u16, Span)>,
-    breaks: Vec<f64>,
-    row: Row,
+    edges_anew: EdgesAnew,
     node_changed: Vec<bool>,
     /// Edges that are to be looked at.
-    edges: IndexSet,
+    edges: EdgesNear,
     /// Edges around which something differs. If they are not among those above, surfaces cut them as before.
     around: IndexSet,
+    /// Edges across a camera's rays on whose dual faces something may differ.
+    on_rays: IndexSet,
     /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
     is_met: Vec<bool>,
+    /// Whether no object touches an edge.
+    is_plain: Vec<bool>,
     /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
-    /// Whether edges of the frame before depend on what is beside them.
-    looked_beside: bool,
+    /// What edges of the frame before depend on.
+    dependence: Dependence,
+}
+
+/// Whether edges depend on what is beside them: all up to the next planes, or along a camera's rays.
+#[derive(Clone, Copy, Debug, Default)]
+struct Dependence {
+    on_all_beside: bool,
+    on_rays: bool,
+}
+
+impl Scratch {
+    /// What edges depend on now or did in the frame before: what was left beside surfaces there goes with them.
+    fn depend(&mut self, on_all_beside: bool, on_rays: bool) -> Dependence {
+        let before = std::mem::replace(&mut self.dependence, Dependence { on_all_beside, on_rays });
+        Dependence {
+            on_all_beside: before.on_all_beside || on_all_beside,
+            on_rays: before.on_rays || on_rays,
+        }
+    }
 }
 
 impl Occupancy {
@@ -138,17 +162,16 @@ impl Occupancy {
             contacts: Vec::new(),
             changes: Changes::default(),
             scratch: Scratch {
-                spans: Vec::new(),
-                beside: Vec::new(),
-                breaks: Vec::new(),
-                row: Row::default(),
+                edges_anew: EdgesAnew::default(),
                 node_changed: vec![false; nodes],
-                edges: IndexSet::below(edges),
+                edges: EdgesNear::below(edges),
                 around: IndexSet::below(edges),
+                on_rays: IndexSet::below(edges),
                 is_met: vec![false; edges],
+                is_plain: vec![true; edges],
                 edge_seen: vec![0; edges],
                 frame: 0,
-                looked_beside: false,
+                dependence: Dependence::default(),
             },
             elements: None,
             unstructured: None,
@@ -185,6 +208,17 @@ impl Occupancy {
     /// wins, a conductor wins over a dielectric, and nodes with a terminal keep it. Only nodes and edges near where an
     /// object's surface is another than in the frame before are visited.
     pub fn update(&mut self, mesh: EdgeGeometry<'_>, materials: &[Material], surfaces: &dyn Surfaces) {
+        self.update_with(&Workers::default(), mesh, materials, surfaces);
+    }
+
+    /// The same, by threads that share the edges.
+    pub(crate) fn update_with(
+        &mut self,
+        workers: &Workers,
+        mesh: EdgeGeometry<'_>,
+        materials: &[Material],
+        surfaces: &dyn Surfaces,
+    ) {
         self.start_frame();
         self.changes.find(&mesh, materials, surfaces);
         let changes = std::mem::take(&mut self.changes);
@@ -192,26 +226,41 @@ impl Occupancy {
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
         let (bounds, fields) = (changes.bounds(), changes.fields());
         let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
-        let scene = Scene { mesh, materials, surfaces, bounds, fields, has_weak, has_silhouettes, has_faces };
-        // What was left beside surfaces in the frame before goes with them.
-        let looks_beside = has_weak || has_faces;
-        let looks_beside = std::mem::replace(&mut self.scratch.looked_beside, looks_beside) || looks_beside;
+        let has_camera_walls = camera_wall::is_of_use(mesh.edges, materials, surfaces);
+        let scene = Scene {
+            mesh,
+            materials,
+            surfaces,
+            bounds,
+            fields,
+            has_weak,
+            has_silhouettes,
+            has_faces,
+            has_camera_walls,
+        };
+        let dependence = self.scratch.depend(has_weak || has_faces, has_camera_walls);
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
             self.elements = Some(elements);
         } else {
-            for region in changes.regions() {
-                mesh.edges.for_nodes_near(mesh.nodes, region, |node| {
-                    self.set_holder(node, scene.holder(node));
-                });
-            }
+            let mut edges = std::mem::take(&mut self.scratch.edges);
+            let mark_edges = || edges.mark(workers, &mesh, changes.regions(), dependence.on_all_beside);
+            let find_holders = || {
+                for region in changes.regions() {
+                    mesh.edges.for_nodes_near(mesh.nodes, region, |node| {
+                        self.set_holder(node, scene.holder(node));
+                    });
+                }
+            };
+            workers.both(mark_edges, find_holders);
+            self.scratch.edges = edges;
             let mut wedges = std::mem::take(&mut self.wedges);
             wedges.update(&scene, changes.around_edges(), &self.conductor);
-            links_lost = self.update_edges(&scene, &changes, looks_beside, &wedges);
+            links_lost = self.update_edges(workers, &scene, &changes, dependence, &wedges);
             self.wedges = wedges;
         }
-        links_lost |= self.update_unstructured(&scene, changes.around_edges());
+        links_lost |= self.update_unstructured(workers, &scene, changes.around_edges());
         self.changes = changes;
         self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.iter().map(|(edge, _)| *edge));
@@ -251,106 +300,97 @@ impl Occupancy {
     /// Applies the edge rule to all edges that may have changed, and returns whether one had a link and has none now.
     fn update_edges(
         &mut self,
+        workers: &Workers,
         scene: &Scene<'_>,
         changes: &Changes,
-        looks_beside: bool,
+        dependence: Dependence,
         wedges: &Wedges,
     ) -> bool {
-        let mesh = &scene.mesh;
         let mut edges = std::mem::take(&mut self.scratch.edges);
-        for region in changes.regions() {
-            mesh.edges.for_edges_near(mesh.nodes, region, |edge, _| edges.insert(edge));
-        }
-        for region in changes.regions().iter().filter(|_| looks_beside) {
-            let around = parallel::up_to_planes(mesh.edges, region);
-            mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| edges.insert(edge));
-        }
         let mut around = std::mem::take(&mut self.scratch.around);
-        wedges.add_changed_edges(mesh.edges, &self.conductor, &self.couplings, &mut around);
+        wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
+        if dependence.on_rays {
+            self.mark_camera_walls(scene, changes.regions(), edges.marked(), &mut around);
+        }
         let mut links_lost = false;
-        edges.drain_with(&mut around, |edge, is_cut_anew| {
-            let ends = mesh.edges.ends_of_existing(edge);
-            links_lost |= if is_cut_anew || scene.has_weak || self.scratch.is_met[edge] {
-                self.update_edge(scene, wedges, edge, ends)
-            } else {
-                self.scratch.spans.clear();
-                self.update_around(scene, wedges, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN)
-            };
+        let mut anew = std::mem::take(&mut self.scratch.edges_anew);
+        let conductor = std::mem::take(&mut self.conductor);
+        let sight = Sight { scene, wedges, conductor: &conductor };
+        anew.start(workers);
+        edges.marked().drain_with(&mut around, |edge, is_cut_anew| {
+            let is_looked_at = is_cut_anew || scene.has_weak || scene.has_camera_walls;
+            let is_cut_anew = is_looked_at || self.scratch.is_met[edge];
+            let asked = Asked { edge: edge as u32, is_cut_anew };
+            // A single thread takes each edge over as it comes.
+            if let Some(found) = anew.ask(sight, asked) {
+                links_lost |= self.take_edge(&conductor, asked, found);
+            } else if anew.is_full() {
+                anew.find(workers, sight);
+                anew.take().for_each(|(asked, found)| links_lost |= self.take_edge(&conductor, asked, found));
+            }
         });
-        (self.scratch.edges, self.scratch.around) = (edges, around);
+        anew.find(workers, sight);
+        anew.take().for_each(|(asked, found)| links_lost |= self.take_edge(&conductor, asked, found));
+        for (edge, contact) in anew.contacts() {
+            self.touches.add(Touch { place: edge, contact });
+        }
+        self.conductor = conductor;
+        (self.scratch.edges, self.scratch.around, self.scratch.edges_anew) = (edges, around, anew);
         links_lost
     }
 
-    /// Applies the edge rule to an edge and returns whether it had a link and has none now.
-    fn update_edge(&mut self, scene: &Scene<'_>, wedges: &Wedges, edge: usize, ends: [u32; 2]) -> bool {
-        let Scratch { spans, beside, breaks, edge_seen, frame, is_met, .. } = &mut self.scratch;
-        edge_seen[edge] = *frame;
-        scene.find_spans(ends, spans);
-        for contact in scene.contacts(ends, spans) {
-            self.touches.add(Touch { place: edge as u32, contact });
-        }
-        let owners = ends.map(|node| self.conductor[node as usize]);
-        let is_free = owners == [NO_OBJECT; 2];
-        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
-        if let Some(through) = parallel.flatten() {
-            is_met[edge] = true;
-            return self.couple(edge, ends, Coupling::only_through(through));
-        }
-        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
-        let in_face = in_face.flatten();
-        is_met[edge] = in_face.is_some() || !spans.is_empty() || !is_free;
-        let cut = match in_face {
-            Some(through) => Coupling::only_through(through),
-            None => {
-                let background = scene.mesh.permittivity.at(edge);
-                EdgeRule { owners, spans, materials: scene.materials, background }.coupling(breaks)
-            }
-        };
-        self.update_around(scene, wedges, (edge, ends), owners, cut)
-    }
-
-    /// Couples an edge by what the edge rule makes of it and what is around it, its spans being those found last, and
-    /// returns whether it had a link and has none now.
-    #[inline]
-    fn update_around(
+    /// Marks the edges at which walls that a camera sees may be others than before, but for those that are marked in any case.
+    fn mark_camera_walls(
         &mut self,
         scene: &Scene<'_>,
-        wedges: &Wedges,
-        (edge, ends): (usize, [u32; 2]),
-        owners: [u16; 2],
-        cut: Coupling,
-    ) -> bool {
-        let covered = if wedges.may_be_beside(ends, owners) {
-            let Scratch { spans, beside, breaks, row, .. } = &mut self.scratch;
-            let star = wedges.star(ends[0] as usize, row);
-            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
-        } else {
-            cut
-        };
-        let coupling = match wedges.between(ends) {
-            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
-            None => covered,
-        };
+        regions: &[Aabb],
+        marked: &IndexSet,
+        around: &mut IndexSet,
+    ) {
+        let mut on_rays = std::mem::take(&mut self.scratch.on_rays);
+        for region in regions {
+            camera_wall::for_dual_faces_near(&scene.mesh, region, |edge| on_rays.insert(edge));
+        }
+        on_rays.drain(|edge| {
+            scene.for_edges_at_walls(edge, &self.conductor, &self.couplings, |edge| {
+                if !marked.contains(edge) {
+                    around.insert(edge);
+                }
+            });
+        });
+        self.scratch.on_rays = on_rays;
+    }
+
+    /// Takes over what becomes of an edge, and returns whether it had a link and has none now.
+    #[inline]
+    fn take_edge(&mut self, conductor: &[u16], asked: Asked, found: Found) -> bool {
+        let (edge, Found { ends, coupling, is_met }) = (asked.edge as usize, found);
+        if asked.is_cut_anew {
+            self.scratch.edge_seen[edge] = self.scratch.frame;
+            self.scratch.is_met[edge] = is_met;
+        }
         if let Some(unstructured) = &mut self.unstructured {
             let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
-            unstructured.take(HeldEdge { edge, owners }, ends, is_moved, coupling);
+            unstructured.take(HeldEdge::of(edge, ends, conductor), ends, is_moved, coupling);
             return false;
         }
         self.couple(edge, ends, coupling)
     }
 
     /// Couples an edge and returns whether it had a link and has none now.
+    #[inline]
     fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
         let node_changed = &self.scratch.node_changed;
-        let before = self.couplings[edge];
-        let moved = !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]);
-        let is_other = !coupling.is(&before);
-        if moved || is_other {
-            self.replaced.push((edge as u32, before));
+        let known = &mut self.couplings[edge];
+        if coupling.is(known) {
+            if !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]) {
+                self.replaced.push((edge as u32, coupling));
+            }
+            return false;
         }
-        if is_other {
-            self.couplings[edge] = coupling;
-        }
+        let before = std::mem::replace(known, coupling);
+        self.replaced.push((edge as u32, before));
+        self.scratch.is_plain[edge] = coupling.is(&Coupling::PLAIN);
         if coupling.is_linked() && !before.is_linked() {
             self.linked_edges.add(edge as u32);
         }

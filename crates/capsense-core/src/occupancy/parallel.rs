@@ -23,6 +23,7 @@ use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
 use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
+use std::ops::Range;
 
 /// Dielectrics below this relative permittivity are weak.
 pub(super) const WEAK: f64 = 10.0;
@@ -32,7 +33,7 @@ pub(super) fn is_of_use(edges: &Edges, materials: &[Material]) -> bool {
     matches!(edges, Edges::Lattice(_)) && materials.iter().any(is_weak)
 }
 
-fn is_weak(material: &Material) -> bool {
+pub(super) fn is_weak(material: &Material) -> bool {
     matches!(material, Material::Dielectric(permittivity) if permittivity.value() < WEAK)
 }
 
@@ -58,11 +59,12 @@ fn in_face_distance(lattice: &Lattice) -> f64 {
     IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
 }
 
-/// A region up to the next planes of the lattice: edges whose lines touch the region touch this box.
-pub(super) fn up_to_planes(edges: &Edges, region: &Aabb) -> Aabb {
+/// A region up to the next planes of the lattice across some axes: edges whose lines along all of them touch the region touch this box.
+pub(super) fn up_to_planes(edges: &Edges, region: &Aabb, across: Range<usize>) -> Aabb {
     let Edges::Lattice(lattice) = edges else { return *region };
     let mut grown = *region;
-    for (axis, planes) in lattice.axes().iter().enumerate() {
+    for axis in across {
+        let planes = &lattice.axes()[axis];
         let (low, high) = (region.min[axis], region.max[axis]);
         let below = planes.partition_point(|&plane| plane < low).checked_sub(1);
         grown.min[axis] = below.map_or(low, |below| planes[below]);
@@ -283,7 +285,7 @@ mod tests {
         let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
         let edges = Edges::Lattice(Lattice::new(axes).unwrap());
         let region = Aabb { min: DVec3::new(1.0, 2.5, -2.0), max: DVec3::new(1.0, 2.6, 9.0) };
-        let grown = up_to_planes(&edges, &region);
+        let grown = up_to_planes(&edges, &region, 0..3);
         assert_eq!(grown.min, DVec3::new(0.0, 2.0, -2.0));
         assert_eq!(grown.max, DVec3::new(3.0, 3.0, 9.0));
     }

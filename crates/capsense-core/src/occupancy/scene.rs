@@ -22,6 +22,8 @@ pub(super) struct Scene<'a> {
     pub(super) has_silhouettes: bool,
     /// Whether there are strong dielectrics with exact surfaces on a lattice.
     pub(super) has_faces: bool,
+    /// Whether a camera sees conductors or strong dielectrics on a lattice.
+    pub(super) has_camera_walls: bool,
 }
 
 impl Scene<'_> {
@@ -53,10 +55,19 @@ impl Scene<'_> {
         spans.clear();
         for (object, bounds) in self.bounds.iter().enumerate() {
             if bounds.intersects(&around)
-                && let Some(span) = self.surfaces.span(object, a, b)
+                && let Some(span) = self.span(object, a, b)
             {
                 spans.push((object as u16, span));
             }
+        }
+    }
+
+    /// The part of a segment that is in an object.
+    #[inline]
+    fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+        match self.fields[object].of_box() {
+            Some((angles, half)) => angles.span_in_box(half, a, b),
+            None => self.surfaces.span(object, a, b),
         }
     }
 

@@ -21,8 +21,8 @@
 //! deeper inside. Where a conductor has no edge near, nothing is asked.
 
 use super::coupling::{EdgeRule, SMALLEST_PART};
-use super::near_field::Star;
-use super::{Coupling, Frame, NO_OBJECT, Scene, Span};
+use super::near_field::{Star, larger, smaller, span_in_box};
+use super::{Coupling, Frame, NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
 use glam::DVec3;
 
@@ -50,10 +50,50 @@ struct Tube {
     across: [Across; 2],
 }
 
-/// The box around an edge in the frame of an object: the edge's start, the way along it, and the axes across it.
-struct Framed<'a> {
-    tube: &'a Tube,
+/// A conductor in its own frame.
+trait Body {
+    /// The part of a way from a point that is in it.
+    fn span(&self, from: DVec3, way: DVec3) -> Option<Span>;
+
+    /// Whether it is soon seen that it misses all of a box about a point, of some half size.
+    fn misses(&self, middle: DVec3, half: DVec3) -> bool;
+}
+
+/// Any body.
+struct AnyBody<'a> {
+    surfaces: &'a dyn Surfaces,
     object: usize,
+}
+
+impl Body for AnyBody<'_> {
+    fn span(&self, from: DVec3, way: DVec3) -> Option<Span> {
+        self.surfaces.span_in_frame(self.object, from, from + way)
+    }
+
+    fn misses(&self, middle: DVec3, half: DVec3) -> bool {
+        self.surfaces.misses(self.object, middle, half)
+    }
+}
+
+/// A box about the origin, by half its edge lengths: the body that is asked for most, and soonest told.
+struct BoxBody(DVec3);
+
+impl Body for BoxBody {
+    #[inline(always)]
+    fn span(&self, from: DVec3, way: DVec3) -> Option<Span> {
+        span_in_box(self.0, from, from + way)
+    }
+
+    #[inline(always)]
+    fn misses(&self, middle: DVec3, half: DVec3) -> bool {
+        (middle.abs() - half).cmpge(self.0).any()
+    }
+}
+
+/// The box around an edge in the frame of a body: the edge's start, the way along it, and the axes across it.
+struct Framed<'a, B> {
+    tube: &'a Tube,
+    body: B,
     from: DVec3,
     way: DVec3,
     across: [DVec3; 2],
@@ -85,10 +125,9 @@ impl Tube {
         to[axis] = star.next(axis);
         let across = |axis: usize| {
             let widths = star.ways(axis).map(|way| 0.5 * way);
-            let [below, above] = widths;
             // No further than to the next node: up to there what changed is looked for.
-            let most = if below > 0.0 && above > 0.0 { below.min(above) } else { below.max(above) };
-            Across { axis, widths, fringe: (FRINGE * length.max(below + above)).min(most) }
+            let most = 0.5 * star.narrowest(axis);
+            Across { axis, widths, fringe: smaller(FRINGE * larger(length, star.width(axis)), most) }
         };
         Some(Self { from, to, length, across: [across((axis + 1) % 3), across((axis + 2) % 3)] })
     }
@@ -105,19 +144,22 @@ impl Tube {
 
     /// The same in the frame of an object.
     #[inline]
-    fn in_frame(&self, object: usize, frame: &Frame) -> Framed<'_> {
+    fn in_frame<B: Body>(&self, body: B, frame: &Frame) -> Framed<'_, B> {
         let Self { from, length, across, .. } = self;
         let [first, second] = across.each_ref().map(|across| frame.object_from_sensor.col(across.axis));
         let axis = 3 - across[0].axis - across[1].axis;
         let way = frame.object_from_sensor.col(axis) * *length;
-        Framed { tube: self, object, from: frame.point(*from), way, across: [first, second] }
+        Framed { tube: self, body, from: frame.point(*from), way, across: [first, second] }
     }
 
     /// What a conductor beside the edge makes of one end of it. `gaps` are the parts of the edge between this end and the
     /// conductor, and between that and the other end; `away` is how far the wall is, in parts of the box's width on that side.
     fn link_beside(&self, gaps: [f64; 2], distance: f64, away: f64) -> EndBeside {
-        let over =
-            |along: f64| self.length / distance.hypot(along * self.length).max(SMALLEST_PART * self.length);
+        let over = |along: f64| {
+            let along = along * self.length;
+            let way = (distance * distance + along * along).sqrt();
+            self.length / way.max(SMALLEST_PART * self.length)
+        };
         let [gap, _] = gaps;
         if gap > 0.0 {
             // As the wall comes to the edge, this becomes what the edge rule makes of it.
@@ -131,7 +173,7 @@ impl Tube {
     }
 }
 
-impl Framed<'_> {
+impl<B: Body> Framed<'_, B> {
     /// A point of a span of the edge.
     fn point_in(&self, span: Span, part: f64) -> DVec3 {
         self.from + (span.enter + part * (span.exit - span.enter)) * self.way
@@ -144,6 +186,103 @@ impl Framed<'_> {
         let side = if number == 0 { -width } else { width } * self.across[across];
         (width > 0.0).then_some(side)
     }
+
+    /// The part of a box around an edge that meets the conductor which the edge meets.
+    fn part_covered(&self, span: Span) -> f64 {
+        let mut least = 1.0_f64;
+        for (number, across) in self.tube.across.iter().enumerate() {
+            let mut covered = 0.0;
+            for (side, width) in across.widths.into_iter().enumerate() {
+                let Some(side) = self.side(number, side) else { continue };
+                let reach = self.width_across(self.point_in(span, 0.5), side);
+                let missing = (width * (1.0 - reach) - across.fringe).max(0.0);
+                covered += width;
+                if missing > 0.0 {
+                    covered -= missing * self.abruptness(span, side, reach);
+                }
+            }
+            least = least.min(covered / across.width());
+        }
+        least
+    }
+
+    /// How much of a ray a conductor fills.
+    #[inline]
+    fn width_across(&self, from: DVec3, ray: DVec3) -> f64 {
+        self.body.span(from, ray).map_or(0.0, |span| span.exit - span.enter)
+    }
+
+    /// Whether the face of a conductor ends at a wall along the edge: one if the conductor is as wide close to the face as
+    /// in the `middle` of what the edge meets of it, zero if it is half as wide.
+    fn abruptness(&self, span: Span, ray: DVec3, middle: f64) -> f64 {
+        let mut narrowest = middle;
+        for (is_face, part) in [(span.enter > 0.0, 0.1), (span.exit < 1.0, 0.9)] {
+            if is_face {
+                narrowest = narrowest.min(self.width_across(self.point_in(span, part), ray));
+            }
+        }
+        if middle > 0.0 { (2.5 * narrowest / middle - 1.25).clamp(0.0, 1.0) } else { 1.0 }
+    }
+
+    /// What the conductor beside the edge makes of it.
+    fn beside(&self) -> Beside {
+        let mut most = Beside::default();
+        for across in 0..2 {
+            let mut sum = Beside::default();
+            for number in 0..2 {
+                let beside = self.beside_towards(across, number);
+                sum.taken += beside.taken;
+                (0..2).for_each(|end| sum.links[end] += beside.links[end]);
+            }
+            most.taken = most.taken.max(sum.taken.min(1.0));
+            (0..2).for_each(|end| most.links[end] = most.links[end].max(sum.links[end]));
+        }
+        most
+    }
+
+    fn beside_towards(&self, number: usize, side: usize) -> Beside {
+        let (tube, across) = (self.tube, &self.tube.across[number]);
+        let Some(ray) = self.side(number, side) else { return Beside::default() };
+        let width = across.widths[side];
+        let reach = 1.0 + across.fringe / width;
+        let ray = reach * ray;
+        let (middle, half) = (self.from + 0.5 * (self.way + ray), 0.5 * (self.way.abs() + ray.abs()));
+        if self.body.misses(middle, half) {
+            return Beside::default();
+        }
+        let Some((span, found, middle)) = self.probe(ray) else { return Beside::default() };
+        let place = |part: f64| part * reach * width;
+        let distance = place(found.enter);
+        // Near the edge the fringe fills some of the box behind it.
+        let start = (distance - across.fringe).max(-across.widths[1 - side]);
+        let covered = (place(found.exit).min(width) - start).max(0.0) / across.width();
+        if covered == 0.0 {
+            return Beside::default();
+        }
+        let part = covered * self.abruptness(span, ray, middle);
+        let [before, behind] = [span.enter, 1.0 - span.exit];
+        let away = (distance / width).clamp(0.0, 1.0);
+        let from = tube.link_beside([before, behind], distance, away);
+        let to = tube.link_beside([behind, before], distance, away);
+        Beside { taken: part * from.taken.max(to.taken), links: [part * from.link, part * to.link] }
+    }
+
+    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it, and how
+    /// much it fills of a ray in the middle of the former. One that is too thin to reach the side is found where it passes
+    /// an end of the edge.
+    fn probe(&self, ray: DVec3) -> Option<(Span, Span, f64)> {
+        let &Framed { ref body, from, way, .. } = self;
+        if let Some(along) = body.span(from + ray, way) {
+            let across = body.span(self.point_in(along, 0.5), ray)?;
+            return Some((along, across, across.exit - across.enter));
+        }
+        [from, from + way].into_iter().find_map(|end| {
+            let across = body.span(end, ray)?;
+            let offset = 0.5 * (across.enter + across.exit) * ray;
+            let along = body.span(from + offset, way)?;
+            Some((along, across, self.width_across(self.point_in(along, 0.5), ray)))
+        })
+    }
 }
 
 impl Across {
@@ -153,13 +292,12 @@ impl Across {
 }
 
 impl Scene<'_> {
-    /// Whether a conductor has an edge in a box.
-    pub(super) fn has_edges_in(&self, bounds: &Aabb) -> bool {
-        (0..self.bounds.len()).any(|object| self.is_conductor(object) && self.has_edge_in(object, bounds))
-    }
-
-    fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
-        self.bounds[object].intersects(bounds) && self.surfaces.has_edge_in(object, bounds)
+    /// Whether an object has an edge in a box.
+    pub(super) fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
+        match self.fields[object].of_box() {
+            Some((angles, half)) => angles.has_edge_of_box_in(half, bounds),
+            None => self.bounds[object].intersects(bounds) && self.surfaces.has_edge_in(object, bounds),
+        }
     }
 
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
@@ -181,7 +319,7 @@ impl Scene<'_> {
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
             (Some(&(object, span)), None) if self.has_edge_in(object.into(), &tube.bounds()) => {
-                let part = self.part_covered(&self.framed(&tube, object.into()), span);
+                let part = self.part_covered(&tube, object.into(), span);
                 if part >= 1.0 {
                     return cut;
                 }
@@ -197,44 +335,16 @@ impl Scene<'_> {
         }
     }
 
-    fn framed<'a>(&self, tube: &'a Tube, object: usize) -> Framed<'a> {
-        tube.in_frame(object, &self.surfaces.frame(object))
-    }
-
     /// The part of a box around an edge that meets the conductor which the edge meets.
-    fn part_covered(&self, framed: &Framed<'_>, span: Span) -> f64 {
-        let mut least = 1.0_f64;
-        for (number, across) in framed.tube.across.iter().enumerate() {
-            let mut covered = 0.0;
-            for (side, width) in across.widths.into_iter().enumerate() {
-                let Some(side) = framed.side(number, side) else { continue };
-                let reach = self.width_across(framed, framed.point_in(span, 0.5), side);
-                let missing = (width * (1.0 - reach) - across.fringe).max(0.0);
-                covered += width;
-                if missing > 0.0 {
-                    covered -= missing * self.abruptness(framed, span, side, reach);
-                }
-            }
-            least = least.min(covered / across.width());
+    fn part_covered(&self, tube: &Tube, object: usize, span: Span) -> f64 {
+        match self.fields[object].of_box() {
+            Some((angles, half)) => tube.in_frame(BoxBody(half), &angles.frame()).part_covered(span),
+            None => tube.in_frame(self.any_body(object), &self.surfaces.frame(object)).part_covered(span),
         }
-        least
     }
 
-    /// How much of a ray a conductor fills.
-    fn width_across(&self, framed: &Framed<'_>, from: DVec3, ray: DVec3) -> f64 {
-        self.surfaces
-            .span_in_frame(framed.object, from, from + ray)
-            .map_or(0.0, |span| span.exit - span.enter)
-    }
-
-    /// Whether the face of a conductor ends at a wall along the edge: one if the conductor is as wide close to the face as
-    /// in the `middle` of what the edge meets of it, zero if it is half as wide.
-    fn abruptness(&self, framed: &Framed<'_>, span: Span, ray: DVec3, middle: f64) -> f64 {
-        let faces =
-            [(span.enter > 0.0, 0.1), (span.exit < 1.0, 0.9)].into_iter().filter(|(is_face, _)| *is_face);
-        let widths = faces.map(|(_, part)| self.width_across(framed, framed.point_in(span, part), ray));
-        let narrowest = widths.fold(middle, f64::min);
-        if middle > 0.0 { (2.5 * narrowest / middle - 1.25).clamp(0.0, 1.0) } else { 1.0 }
+    fn any_body(&self, object: usize) -> AnyBody<'_> {
+        AnyBody { surfaces: self.surfaces, object }
     }
 
     /// What conductors beside an edge that meets no object make of it.
@@ -246,65 +356,15 @@ impl Scene<'_> {
         if !self.has_edge_in(object, &bounds) {
             return plain;
         }
-        let framed = self.framed(tube, object);
-        let mut most = Beside::default();
-        for across in 0..2 {
-            let mut sum = Beside::default();
-            for number in 0..2 {
-                let beside = self.beside_towards(&framed, across, number);
-                sum.taken += beside.taken;
-                (0..2).for_each(|end| sum.links[end] += beside.links[end]);
-            }
-            most.taken = most.taken.max(sum.taken.min(1.0));
-            (0..2).for_each(|end| most.links[end] = most.links[end].max(sum.links[end]));
-        }
+        let most = match self.fields[object].of_box() {
+            Some((angles, half)) => tube.in_frame(BoxBody(half), &angles.frame()).beside(),
+            None => tube.in_frame(self.any_body(object), &self.surfaces.frame(object)).beside(),
+        };
         if most.links == [0.0; 2] {
             return plain;
         }
         let object = most.links.map(|link| if link > 0.0 { object as u16 } else { NO_OBJECT });
         Coupling { through: plain.through * (1.0 - most.taken), factor: most.links, object }
-    }
-
-    fn beside_towards(&self, framed: &Framed<'_>, number: usize, side: usize) -> Beside {
-        let (tube, across) = (framed.tube, &framed.tube.across[number]);
-        let Some(ray) = framed.side(number, side) else { return Beside::default() };
-        let width = across.widths[side];
-        let reach = 1.0 + across.fringe / width;
-        let ray = reach * ray;
-        let (middle, half) = (framed.from + 0.5 * (framed.way + ray), 0.5 * (framed.way.abs() + ray.abs()));
-        if self.surfaces.misses(framed.object, middle, half) {
-            return Beside::default();
-        }
-        let Some((span, found, middle)) = self.probe(framed, ray) else { return Beside::default() };
-        let place = |part: f64| part * reach * width;
-        let distance = place(found.enter);
-        // Near the edge the fringe fills some of the box behind it.
-        let start = (distance - across.fringe).max(-across.widths[1 - side]);
-        let covered = (place(found.exit).min(width) - start).max(0.0) / across.width();
-        let part = covered * self.abruptness(framed, span, ray, middle);
-        let [before, behind] = [span.enter, 1.0 - span.exit];
-        let away = (distance / width).clamp(0.0, 1.0);
-        let from = tube.link_beside([before, behind], distance, away);
-        let to = tube.link_beside([behind, before], distance, away);
-        Beside { taken: part * from.taken.max(to.taken), links: [part * from.link, part * to.link] }
-    }
-
-    /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it, and how
-    /// much it fills of a ray in the middle of the former. One that is too thin to reach the side is found where it passes
-    /// an end of the edge.
-    fn probe(&self, framed: &Framed<'_>, ray: DVec3) -> Option<(Span, Span, f64)> {
-        let &Framed { object, from, way, .. } = framed;
-        let span = |from: DVec3, way: DVec3| self.surfaces.span_in_frame(object, from, from + way);
-        if let Some(along) = span(from + ray, way) {
-            let across = span(framed.point_in(along, 0.5), ray)?;
-            return Some((along, across, across.exit - across.enter));
-        }
-        [from, from + way].into_iter().find_map(|end| {
-            let across = span(end, ray)?;
-            let offset = 0.5 * (across.enter + across.exit) * ray;
-            let along = span(from + offset, way)?;
-            Some((along, across, self.width_across(framed, framed.point_in(along, 0.5), ray)))
-        })
     }
 }
 

@@ -40,8 +40,17 @@ impl Frame {
     }
 }
 
-/// Where objects are: answers for points and segments in the sensor frame.
-pub trait Surfaces {
+/// A wall along z at which a segment enters an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerWall {
+    /// Where on the segment, in parts of it.
+    pub enter: f64,
+    /// How steeply the steepest of the faces that end there rises or falls behind it; zero if all go on straight across z.
+    pub slope: f64,
+}
+
+/// Where objects are: answers for points and segments in the sensor frame, which several threads may ask for at once.
+pub trait Surfaces: Sync {
     /// Number of objects.
     fn objects(&self) -> usize;
 
@@ -80,6 +89,22 @@ pub trait Surfaces {
     /// Whether it is soon seen that an object certainly fills all of such a box.
     fn holds(&self, _object: usize, _middle: DVec3, _half: DVec3) -> bool {
         false
+    }
+
+    /// Whether [`Surfaces::layer_at`] and [`Surfaces::wall_between`] tell where objects are.
+    fn has_layers(&self) -> bool {
+        false
+    }
+
+    /// From where to where along z an object is at x and y of a point, as who looks along z sees it; `None` where it is not.
+    fn layer_at(&self, _object: usize, _point: DVec3) -> Option<[f64; 2]> {
+        None
+    }
+
+    /// Where the segment from `a` to `b` first enters an object, if it does so at a wall along z: where its layer ends or jumps, rather
+    /// than rises or falls. Of faces at the wall, those between two depths count.
+    fn wall_between(&self, _object: usize, _a: DVec3, _b: DVec3, _depths: [f64; 2]) -> Option<LayerWall> {
+        None
     }
 
     /// Whether spans tell where surfaces are exactly enough to measure how far they reach across an edge.

@@ -62,23 +62,12 @@ impl Convex {
         }
     }
 
-    /// Half the extents along the axes.
-    #[inline]
-    pub(super) fn half_size(&self) -> DVec3 {
-        match *self {
-            Self::Box(half) => half,
-            Self::Capsule { radius, half_length } => DVec3::new(radius, radius, radius + half_length),
-            Self::Cylinder { radius, half_length } => DVec3::new(radius, radius, half_length),
-        }
-    }
-
     /// Whether two points are both before one flat face or in it, so that what is between them certainly is outside. In that
     /// case [`Convex::interval`] says the same after divisions, with the same rounding: no part of it is between them.
     #[inline]
     pub(super) fn parts_by_face(&self, a: DVec3, b: DVec3) -> bool {
         match *self {
-            Self::Box(half) => (a.min(b).cmpge(half) | a.max(b).cmple(-half)).any(),
-            Self::Capsule { .. } => false,
+            Self::Box(_) | Self::Capsule { .. } => false,
             Self::Cylinder { half_length, .. } => a.z.min(b.z) >= half_length || a.z.max(b.z) <= -half_length,
         }
     }
@@ -110,51 +99,15 @@ impl Convex {
         }
     }
 
-    /// Whether an edge, where faces meet, may be in a box of half size `half` about a point.
-    pub(super) fn has_edge_near(&self, centre: DVec3, half: DVec3) -> bool {
+    /// Whether a round edge, where faces meet, may be in a box of half size `half` about a point.
+    pub(super) fn has_round_edge_near(&self, centre: DVec3, half: DVec3) -> bool {
         match *self {
-            Self::Box(size) => {
-                let outside = centre.abs() - size;
-                let at_faces = outside.abs().cmple(half).bitmask().count_ones();
-                at_faces >= 2 && outside.cmple(half).all()
-            }
-            Self::Capsule { .. } => false,
+            Self::Box(_) | Self::Capsule { .. } => false,
             Self::Cylinder { radius, half_length } => {
                 let from_rim = centre.truncate().length() - radius;
                 (centre.z.abs() - half_length).abs() <= half.z && from_rim.abs() <= half.truncate().length()
             }
         }
-    }
-
-    /// Whether some of the edges that may be in a box of half size `half` about a point, each given by its middle and the axis
-    /// that it is along, is what is wanted; `None` where edges are round.
-    #[inline(always)]
-    pub(super) fn any_straight_edge_near(
-        &self,
-        centre: DVec3,
-        half: DVec3,
-        mut is_wanted: impl FnMut(DVec3, usize) -> bool,
-    ) -> Option<bool> {
-        let Self::Box(size) = *self else { return None };
-        // Of faces at either side.
-        let [low, high] = [-1.0, 1.0].map(|side| (centre - side * size).abs().cmple(half).bitmask());
-        let mut is_met = |axis: usize, at_high: u32| {
-            let sign = |axis: u32| if at_high >> axis & 1 == 0 { -1.0 } else { 1.0 };
-            let mut middle = size * DVec3::new(sign(0), sign(1), sign(2));
-            middle[axis] = 0.0;
-            is_wanted(middle, axis)
-        };
-        let faces = low | high;
-        if low & high == 0 && faces.count_ones() == 2 {
-            // That of the only two faces: the most frequent case.
-            return Some(is_met((!faces & 7).trailing_zeros() as usize, high));
-        }
-        let corners = (0..3).flat_map(|axis| (0..8).map(move |at_high: u32| (axis, at_high)));
-        let mut edges = corners.filter(|&(axis, at_high)| {
-            let across = 7 & !(1 << axis);
-            at_high >> axis & 1 == 0 && (high & at_high | low & !at_high) & across == across
-        });
-        Some(edges.any(|(axis, at_high)| is_met(axis, at_high)))
     }
 
     /// The solid as one whose faces meet at right angles.

@@ -13,10 +13,10 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Span, Surfaces};
+use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Span, Surfaces, span_in_box};
 use convex::Convex;
 use enclosed::Enclosed;
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3Swizzles};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
 use surface_tree::{SurfaceTree, placed};
 
@@ -192,6 +192,7 @@ impl Solid {
     #[inline]
     fn span(&self, a: DVec3, b: DVec3) -> Option<Span> {
         let convex = match &self.body {
+            Body::Convex(Convex::Box(half)) => return span_in_box(*half, a, b),
             Body::Convex(convex) => convex,
             Body::Enclosed(enclosed) => return enclosed.span(a, b),
         };
@@ -231,17 +232,6 @@ impl Placed {
     #[inline]
     fn local(&self, point: DVec3) -> DVec3 {
         self.object_from_sensor * (point - self.sensor_from_object.translation)
-    }
-
-    /// Whether a segment, given by its middle in the solid's frame and the way from there to its end in the sensor's, meets a
-    /// box: neither one of the box's axes nor one across the segment parts them.
-    #[inline(always)]
-    fn is_segment_in(&self, middle: DVec3, way: DVec3, bounds: &Aabb) -> bool {
-        let half = 0.5 * bounds.size();
-        let from_centre = self.sensor_from_object.transform_point3(middle) - 0.5 * (bounds.min + bounds.max);
-        let reach = way.abs();
-        let across = half.zxy() * reach.yzx() + half.yzx() * reach.zxy();
-        from_centre.abs().cmple(half + reach).all() && from_centre.cross(way).abs().cmple(across).all()
     }
 }
 
@@ -298,6 +288,10 @@ impl Surfaces for Solids {
     }
 
     fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
+        if let Some(is_in) = self.right_angles(object).and_then(|angles| angles.has_straight_edge_in(bounds))
+        {
+            return is_in;
+        }
         let placed = &self.placed[object];
         let centre = placed.local(0.5 * (bounds.min + bounds.max));
         let half = 0.5 * bounds.size();
@@ -307,12 +301,7 @@ impl Surfaces for Solids {
         // to be in it must be in what `find_changes` tells.
         let is_in = || self.solids[object].edges.is_in(&placed.sensor_from_object, bounds);
         match &self.solids[object].body {
-            Body::Convex(convex) => {
-                let along = |axis| convex.half_size()[axis] * placed.sensor_from_object.matrix3.col(axis);
-                let is_met = |middle, axis| placed.is_segment_in(middle, along(axis), bounds);
-                convex.has_edge_near(centre, half)
-                    && convex.any_straight_edge_near(centre, half, is_met).unwrap_or_else(is_in)
-            }
+            Body::Convex(convex) => convex.has_round_edge_near(centre, half) && is_in(),
             Body::Enclosed(enclosed) => enclosed.has_edge_near(centre, half) && is_in(),
         }
     }

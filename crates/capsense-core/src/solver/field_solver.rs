@@ -9,11 +9,11 @@ use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
 use super::remote::{Found, RemoteFields, RemoteSolver};
-use super::workers::{Awake, Workers};
 use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 
 /// Down to this relative error of an energy, potentials may be in single precision.
 const SINGLE_PRECISION: f64 = 1e-6;
@@ -116,9 +116,9 @@ impl FieldSolver {
         }
     }
 
-    /// Wakes the threads that share the work.
-    pub(crate) fn wake(&self) -> Awake {
-        self.workers.wake()
+    /// The threads that share the work.
+    pub(crate) fn workers(&self) -> &Workers {
+        &self.workers
     }
 
     /// The potential of a row in one column.

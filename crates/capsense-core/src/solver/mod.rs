@@ -15,7 +15,6 @@ mod operator;
 mod pcg;
 mod preconditioner;
 mod remote;
-mod workers;
 
 pub(crate) use bracket::EdgeFields;
 pub(crate) use field_solver::FieldSolver;
@@ -27,7 +26,6 @@ pub use remote::{
     Changes, Feed, Found, HELD_AT_ZERO, NO_HOLDER, NetworkRow, NetworkRows, NodeRow, RemoteFields,
     RemoteProblem, RemoteSolution, of_links,
 };
-pub(crate) use workers::Awake;
 
 /// No capacitance is known better than to its own rounding, whatever tolerance is asked for.
 const ROUNDING: f64 = 1e-16;

@@ -4,6 +4,7 @@
 
 pub mod conforming;
 pub mod cubic;
+pub mod edges_alone;
 pub mod half_spaces;
 pub mod shapes;
 pub mod updater;

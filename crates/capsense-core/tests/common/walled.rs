@@ -4,11 +4,12 @@
 
 #![allow(unreachable_pub, clippy::unwrap_used)]
 
+use super::edges_alone::EdgesAlone;
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::Material;
 use capsense_core::mesh::{Background, Lattice, TetMesh};
-use capsense_core::occupancy::{EdgeGeometry, NO_OBJECT, Occupancy, Span, Surfaces};
+use capsense_core::occupancy::{EdgeGeometry, LayerWall, NO_OBJECT, Occupancy, Span, Surfaces};
 use capsense_core::sensor::{FREE, GROUND};
 use capsense_core::solids::Solids;
 use capsense_core::stiffness::{EdgeNetwork, LANES, Lane, StiffnessMatrix};
@@ -29,16 +30,21 @@ pub struct Held<'a> {
 /// What cuts edges of the lattice.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Rule {
-    /// As on any other mesh, or seen by a camera.
+    /// As on any other mesh.
     EdgesAlone,
+    /// As seen by a depth camera of any number of pixels: where solids are along z counts, too.
+    AsLayers,
     /// All that solids tell counts: where their edges are, how they are rounded, what they cover beside edges of the lattice.
     AsSolids,
 }
 
-/// Solids of which no more is asked than of a depth camera: edges alone tell where surfaces are.
-struct EdgesAlone(Solids);
+/// Solids as a camera along z sees them whose pixels are as small as can be.
+struct AsLayers(EdgesAlone<Solids>);
 
-impl Surfaces for EdgesAlone {
+/// Further along z than any domain.
+const FAR: f64 = 1e4;
+
+impl Surfaces for AsLayers {
     fn objects(&self) -> usize {
         self.0.objects()
     }
@@ -53,6 +59,21 @@ impl Surfaces for EdgesAlone {
 
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.0.span(object, a, b)
+    }
+
+    fn has_layers(&self) -> bool {
+        true
+    }
+
+    fn layer_at(&self, object: usize, point: DVec3) -> Option<[f64; 2]> {
+        let [from, to] = [-FAR, FAR].map(|z| DVec3 { z, ..point });
+        let span = self.0.span(object, from, to)?;
+        Some([span.enter, span.exit].map(|part| -FAR + 2.0 * FAR * part))
+    }
+
+    /// All sides of bodies that are seen so are along z.
+    fn wall_between(&self, object: usize, a: DVec3, b: DVec3, _depths: [f64; 2]) -> Option<LayerWall> {
+        self.span(object, a, b).map(|span| LayerWall { enter: span.enter, slope: 0.0 })
     }
 }
 
@@ -95,7 +116,7 @@ impl WalledBox {
         let network = EdgeNetwork::assemble(mesh);
         let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
         let occupancy = match rule {
-            Rule::EdgesAlone => occupancy,
+            Rule::EdgesAlone | Rule::AsLayers => occupancy,
             Rule::AsSolids => occupancy.with_weights(mesh, network.edges(), network.weights(), false),
         };
         Self::of([true; 3], mesh, network, occupancy, bodies, rule)
@@ -130,6 +151,7 @@ impl WalledBox {
             };
             match rule {
                 Rule::EdgesAlone => occupancy.update(mesh, &materials, &EdgesAlone(solids)),
+                Rule::AsLayers => occupancy.update(mesh, &materials, &AsLayers(EdgesAlone(solids))),
                 Rule::AsSolids => occupancy.update(mesh, &materials, &solids),
             }
             matrix.update(&occupancy);

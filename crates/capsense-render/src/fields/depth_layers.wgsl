@@ -133,6 +133,15 @@ fn span_in_quarter(quarter: Quarter, start: vec3<f32>, end: vec3<f32>, t: vec2<f
     return Span(at.x, select(at.y, t.y, part.y == 1.0));
 }
 
+// Front and back along the ray through a point; a miss where it passes by.
+fn layer_at(object: u32, point: vec3<f32>) -> vec2<f32> {
+    let place = in_pixels(point);
+    let quarter = quarter_at(object, place);
+    if (!quarter.is_hit) { return MISS; }
+    let offset = abs(place - quarter.centre);
+    return vec2<f32>(interpolated(quarter.front, offset), interpolated(quarter.back, offset));
+}
+
 fn object_contains(object: u32, point: vec3<f32>) -> bool {
     let place = in_pixels(point);
     let quarter = quarter_at(object, place);
@@ -174,9 +183,6 @@ fn next_border_after(t: f32) -> f32 {
     return 1.0;
 }
 
-// A camera knows of nothing else.
-fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling { return cut; }
-
 fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
     let end = shift + along(edge);
     let start_at = vec3<f32>(in_pixels(shift), shift.z);
@@ -196,4 +202,50 @@ fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
         start = end;
     }
     return whole;
+}
+
+// How steeply faces between two depths rise or fall from the pixel around a place to the next one on some side of it; zero where that
+// misses the object.
+fn slope_beside(object: u32, place: vec2<f32>, axis: u32, direction: i32, depths: vec2<f32>) -> f32 {
+    let size = vec2<i32>(camera.size);
+    let own = vec2<i32>(pixels_at(place.x, anchor_pixel.x, size.x).x, pixels_at(place.y, anchor_pixel.y, size.y).x);
+    var beside = own;
+    beside[axis] += direction;
+    if (any(own < vec2<i32>(0)) || any(beside < vec2<i32>(0)) || any(beside >= size)) { return 0.0; }
+    let here = depths_in(object, own);
+    let there = depths_in(object, beside);
+    if (there.x > there.y) { return 0.0; }
+    let is_between = (here > vec2<f32>(depths.x)) & (here < vec2<f32>(depths.y));
+    let rises = select(vec2<f32>(), abs(there - here), is_between);
+    return max(rises.x, rises.y) * camera.pixels_per_metre[axis];
+}
+
+// Where the segment beside an edge enters an object, coming from outside of it, if it does so at a wall along the rays: as soon as a
+// pixel starts; less than nothing where it does not. And how steep the faces are behind the wall, of those between two depths.
+// `is_first_inside` tells which end is inside.
+fn wall_beside(object: u32, edge: Edge, shift: vec3<f32>, is_first_inside: bool, depths: vec2<f32>) -> vec2<f32> {
+    let end = shift + along(edge);
+    let start_at = vec3<f32>(in_pixels(shift), shift.z);
+    let way = vec3<f32>(in_pixels(end), end.z) - start_at;
+    start_borders(start_at.xy, start_at.xy + way.xy);
+    var found = vec2<f32>(-1.0, 0.0);
+    var start = 0.0;
+    while (start < 1.0) {
+        let end = next_border_after(start);
+        let middle = start_at.xy + (0.5 * (start + end)) * way.xy;
+        let quarter = quarter_at(object, middle);
+        if (quarter.is_hit) {
+            let piece = span_in_quarter(quarter, start_at + start * way, start_at + end * way, vec2<f32>(start, end));
+            if (piece.enter <= piece.leave) {
+                if (!is_first_inside) {
+                    if (piece.enter != start) { return vec2<f32>(-1.0, 0.0); }
+                    return vec2<f32>(start, slope_beside(object, middle, edge.axis, 1, depths));
+                }
+                found = vec2<f32>(-1.0, 0.0);
+                if (piece.leave == end) { found = vec2<f32>(end, slope_beside(object, middle, edge.axis, -1, depths)); }
+            }
+        }
+        start = end;
+    }
+    return found;
 }

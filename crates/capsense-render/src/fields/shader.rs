@@ -50,7 +50,14 @@ const HAS_WEAK: bool = {has_weak};
             );
             let source = match is_exact {
                 true => solids::source() + include_str!("solids/found_solids.wgsl"),
-                false => include_str!("depth_layers.wgsl").to_owned(),
+                false => {
+                    let files = [
+                        include_str!("depth_layers.wgsl"),
+                        include_str!("right_angle.wgsl"),
+                        include_str!("camera_wall.wgsl"),
+                    ];
+                    files.join("\n")
+                }
             };
             let files = [&source, include_str!("edge_rule.wgsl"), include_str!("occupancy.wgsl")];
             constants + &files.join("\n")

@@ -2,8 +2,8 @@
 //! it need not be asked for at every node.
 
 use super::RightAngle;
+use super::cells::either;
 use super::row::{larger, smaller};
-use super::star::either;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// A solid about the origin, faces of which meet at right angles.
@@ -45,14 +45,22 @@ impl RightAngles {
     #[inline(always)]
     fn nearest_of_box(&self, half: DVec3, local: DVec3) -> RightAngle {
         let [outside, squared] = distances_of_box(half, local);
-        let axis = if squared.x <= squared.y && squared.x <= squared.z {
-            0
-        } else if squared.y <= squared.z {
-            1
-        } else {
-            2
-        };
-        self.of_box(half, local, axis, inside_of(-outside[axis], squared))
+        let axis = axis_of(squared);
+        self.of_box(half, local, axis, inside_of(-outside[axis], squared.to_array()))
+    }
+
+    /// How far a point of the sensor frame is before either face of that edge of a box which is nearest to another one.
+    #[inline]
+    pub(super) fn before_of_box(&self, half: DVec3, other: DVec3, point: DVec3) -> [f64; 2] {
+        let local = |point: DVec3| self.object_from_sensor * (point - self.sensor_from_object.translation);
+        let other = local(other);
+        let [_, squared] = distances_of_box(half, other);
+        let outside = local(point) * DVec3::ONE.copysign(other) - half;
+        match axis_of(squared) {
+            0 => [outside.y, outside.z],
+            1 => [outside.z, outside.x],
+            _ => [outside.x, outside.y],
+        }
     }
 
     /// Of the four edges of a box along an axis, that which is nearest to a point of the box's frame; the place on it is so far
@@ -102,14 +110,27 @@ impl RightAngles {
     }
 }
 
+/// The axis along which the nearest edge is.
+#[inline(always)]
+fn axis_of(squared: DVec3) -> usize {
+    if squared.x <= squared.y && squared.x <= squared.z {
+        0
+    } else if squared.y <= squared.z {
+        1
+    } else {
+        2
+    }
+}
+
 /// How far a place on the nearest edge is from where another is the nearest, which is at its ends for places beyond all faces, and
 /// on bisectors of edges for others: `before_end` is how far it is from the edge's end, `squared` are the squares of the distances
 /// from the nearest edges along each axis.
 #[inline(always)]
-pub(super) fn inside_of(before_end: f64, squared: DVec3) -> f64 {
-    let [low, high] = [smaller(squared.x, squared.y), larger(squared.x, squared.y)];
-    let nearest = smaller(low, squared.z);
-    let second = larger(low, smaller(high, squared.z));
+pub(super) fn inside_of(before_end: f64, squared: [f64; 3]) -> f64 {
+    let [x, y, z] = squared;
+    let [low, high] = [smaller(x, y), larger(x, y)];
+    let nearest = smaller(low, z);
+    let second = larger(low, smaller(high, z));
     let to_bisector = (second - nearest) / before_end;
     either(before_end > 0.0, smaller(before_end, to_bisector), before_end)
 }

@@ -4,6 +4,7 @@ use super::super::coupling::SMALLEST_PART;
 use super::field::wedge_potentials;
 use super::row::larger;
 use super::{AtWedge, RightAngle};
+use glam::DVec3;
 
 /// Links of so many nodes are found together.
 pub(super) const TOGETHER: usize = 16;
@@ -35,8 +36,10 @@ pub(super) struct LinkBatch {
     unlinked: [Unlinked; TOGETHER],
     /// How far each node is before either face.
     own: [Nodes; 2],
-    /// By how much both grow along each axis of the sensor frame, and the way along the edge.
-    slopes: [[Nodes; 3]; 3],
+    /// By how much both grow along each axis of the sensor frame.
+    slopes: [[Nodes; 3]; 2],
+    /// By how much the way along the edge does; of any numbers for straight edges.
+    along: [Nodes; 3],
     /// Half of one over the radius of the edge.
     bend: Nodes,
     of_negative: Nodes,
@@ -110,7 +113,8 @@ impl LinkBatch {
         count: 0,
         unlinked: [Unlinked::NONE; TOGETHER],
         own: [[0.0; TOGETHER]; 2],
-        slopes: [[[0.0; TOGETHER]; 3]; 3],
+        slopes: [[[0.0; TOGETHER]; 3]; 2],
+        along: [[0.0; TOGETHER]; 3],
         bend: [0.0; TOGETHER],
         of_negative: [0.0; TOGETHER],
         steps: [[0.0; TOGETHER]; NEIGHBOURS],
@@ -123,29 +127,36 @@ impl LinkBatch {
         self.count == TOGETHER
     }
 
-    /// Takes a node near an edge, so far before either face. `neighbour` tells the way to each neighbour, and the area of the dual face of the
-    /// edge to it over its length; zero if the conductor holds it, or there is none.
+    /// Takes a node near a straight edge, so far before either face, and what [`Look::neighbours`] tells.
+    ///
+    /// [`Look::neighbours`]: super::look::Look::neighbours
     #[inline(always)]
     pub(super) fn push(
         &mut self,
         unlinked: Unlinked,
         before: [f64; 2],
-        angle: &RightAngle,
-        neighbour: impl Fn(usize) -> (f64, f64),
+        normals: &[DVec3; 2],
+        [steps, weights]: [[f64; NEIGHBOURS]; 2],
     ) {
         let at = self.count;
         self.count += 1;
         self.unlinked[at] = unlinked;
-        let directions = [angle.normals[0], angle.normals[1], angle.along()];
         (0..2).for_each(|face| self.own[face][at] = before[face]);
-        for (slopes, direction) in self.slopes.iter_mut().zip(directions) {
-            slopes.iter_mut().zip(direction.to_array()).for_each(|(slope, along)| slope[at] = along);
+        for (slopes, normal) in self.slopes.iter_mut().zip(normals) {
+            slopes.iter_mut().zip(normal.to_array()).for_each(|(slope, along)| slope[at] = along);
         }
-        self.bend[at] = 0.5 / angle.radius;
+        self.bend[at] = 0.0;
         self.of_negative[at] = unlinked.of_negative;
         for number in 0..NEIGHBOURS {
-            (self.steps[number][at], self.weights[number][at]) = neighbour(number);
+            (self.steps[number][at], self.weights[number][at]) = (steps[number], weights[number]);
         }
+    }
+
+    /// Makes the edge of the node that was taken last as round as it is.
+    pub(super) fn bend_last(&mut self, angle: &RightAngle) {
+        let Some(at) = self.count.checked_sub(1) else { return };
+        self.bend[at] = 0.5 / angle.radius;
+        self.along.iter_mut().zip(angle.along().to_array()).for_each(|(slope, along)| slope[at] = along);
     }
 
     /// Finds the links of all nodes and visits each with what it makes of the conductor; none is left. `is_hidden` tells of a
@@ -199,9 +210,9 @@ impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
         batch.doubtful = [0.0; TOGETHER];
         for number in 0..NEIGHBOURS {
             for at in 0..TOGETHER {
-                let [p, q, along] = [0, 1, 2].map(|direction: usize| {
-                    batch.steps[number][at] * batch.slopes[direction][number / 2][at]
-                });
+                let step = batch.steps[number][at];
+                let [p, q] = [0, 1].map(|face: usize| step * batch.slopes[face][number / 2][at]);
+                let along = step * batch.along[number / 2][at];
                 let is_plain = batch.is_seen(number, at) | (batch.weights[number][at] == 0.0);
                 batch.doubtful[at] += if is_plain { 0.0 } else { 1.0 };
                 // A round edge bends away from its tangent.

@@ -1,5 +1,6 @@
 //! What a node asks of its neighbours when its link is to be found.
 
+use super::cells::either;
 use super::link::{NEIGHBOURS, Unlinked};
 use super::star::{Star, Stars};
 use super::{AtWedge, RoundNear};
@@ -15,14 +16,21 @@ pub(super) struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// The way to a neighbour of a node, negative if below, and the area of the dual face of the edge to it over its length; zero
-    /// if there is none, or a conductor holds it.
+    /// The ways to the neighbours of a node, negative if below, and the areas of the dual faces of the edges to them over their
+    /// lengths; zero if there is none, or a conductor holds it.
     #[inline(always)]
-    pub(super) fn way_and_weight(&self, star: &Star<'_>, number: usize, object: u16) -> (f64, f64) {
-        let (axis, side) = (number / 2, number % 2);
-        let (node, step) = star.step(axis, side);
-        let is_held = self.conductors[node] == object;
-        (step, if is_held { 0.0 } else { star.area(axis) * star.inverse(axis, side) })
+    pub(super) fn neighbours(&self, star: &Star<'_>, object: u16) -> [[f64; NEIGHBOURS]; 2] {
+        let (mut steps, mut weights) = ([0.0; NEIGHBOURS], [0.0; NEIGHBOURS]);
+        for axis in 0..3 {
+            let area = star.area(axis);
+            for side in 0..2 {
+                let (node, step) = star.step(axis, side);
+                let weight = area * star.inverse(axis, side);
+                steps[2 * axis + side] = step;
+                weights[2 * axis + side] = either(self.conductors[node] == object, 0.0, weight);
+            }
+        }
+        [steps, weights]
     }
 
     /// Whether an object is between two nodes.
@@ -35,8 +43,8 @@ impl Look<'_> {
     pub(super) fn linked_to_round(&self, star: &Star<'_>, round: &RoundNear, unlinked: &Unlinked) -> AtWedge {
         let potential = |node: usize| round.potential(self.scene.mesh.nodes[node]);
         let (mut weights, mut potentials) = ([[0.0]; NEIGHBOURS], [[0.0]; NEIGHBOURS]);
-        for number in 0..NEIGHBOURS {
-            let (_, weight) = self.way_and_weight(star, number, unlinked.at.object);
+        let [_, of_edges] = self.neighbours(star, unlinked.at.object);
+        for (number, weight) in of_edges.into_iter().enumerate() {
             if weight != 0.0 {
                 let node = self.stars.neighbour_of(star.node, number);
                 if !self.is_between(unlinked.at.object, star.node, node) {

@@ -17,6 +17,9 @@
 //! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
 mod angles;
+mod at_pose;
+mod between;
+mod cells;
 mod field;
 mod link;
 mod look;
@@ -26,6 +29,7 @@ mod share;
 mod star;
 
 pub use angles::{RightAngled, RightAngles};
+pub(crate) use at_pose::span_in_box;
 pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
@@ -40,11 +44,12 @@ use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
+use cells::RowCells;
 use glam::DVec3;
 use link::{LinkBatch, Unlinked};
 use look::Look;
 use row::{FindNearest, NearestEdges};
-use star::RowCells;
+pub(super) use row::{larger, smaller};
 use star::Stars;
 pub(super) use star::{Row, Star};
 use std::ops::Range;
@@ -113,7 +118,7 @@ impl KnownField {
 
     /// The right angles of a box, and half its edge lengths, if it is one.
     #[inline]
-    fn of_box(&self) -> Option<(&RightAngles, DVec3)> {
+    pub(super) fn of_box(&self) -> Option<(&RightAngles, DVec3)> {
         match self {
             Self::Edges(angles) => match angles.solid {
                 RightAngled::Box(half) => Some((angles, half)),
@@ -167,6 +172,11 @@ impl Wedges {
         if nearest.len() < scene.bounds.len() {
             nearest.resize(scene.bounds.len(), NearestEdges::NONE);
         }
+        for (nearest, field) in nearest.iter_mut().zip(scene.fields) {
+            if let Some((angles, half)) = field.of_box() {
+                nearest.start(angles, half);
+            }
+        }
         let mut nodes = std::mem::take(&mut self.nodes);
         let mut row = Row::default();
         for region in regions {
@@ -207,35 +217,31 @@ impl Wedges {
                 }
                 continue;
             }
-            let is_beside = || may_be_beside && scene.is_beside(&star);
-            let mut near = None;
-            let found = scene.nearest(node, &star, |object| {
-                if scene.fields[object].of_box().is_some() {
-                    return Some(nearest[object].share(number));
-                }
-                let (seen, share) = scene.near(object, node, &star)?;
-                near = Some(seen);
-                Some(share)
-            });
-            let found = found.filter(|_| scene.takes_link(&star));
-            let Some((object, share)) = found else {
+            let is_beside = || may_be_beside && scene.is_beside(&star, number, nearest);
+            let found = scene.nearest_in_row(&star, number, nearest).filter(|_| scene.takes_link(&star));
+            let Some(((object, share), near)) = found else {
                 self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE });
                 continue;
             };
-            let (angle, before) = match (scene.fields[object].of_box(), near) {
-                (Some((angles, half)), _) => nearest[object].angle(number, angles, half),
-                (None, Some(Near::Edge(angle))) => (angle, angle.before(star.place())),
-                (None, Some(Near::Round(round))) => {
+            match near {
+                None => {
+                    let (edge, before) = nearest[object].edge(number);
+                    let unlinked = scene.unlinked(&star, (object, share), edge, is_beside);
+                    batch.push(unlinked, before, &edge.normals, look.neighbours(&star, object as u16));
+                }
+                Some(Near::Edge(angle)) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
+                    let before = angle.before(star.place());
+                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
+                    batch.bend_last(&angle);
+                }
+                Some(Near::Round(round)) => {
                     let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
                     let at = look.linked_to_round(&star, &round, &unlinked);
                     self.settle(star.node, unlinked.sides, at);
                     continue;
                 }
-                (None, None) => continue,
-            };
-            let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
-            let neighbour = |number: usize| look.way_and_weight(&star, number, object as u16);
-            batch.push(unlinked, before, &angle, neighbour);
+            }
             if batch.is_full() {
                 self.link(look, batch);
             }
@@ -252,6 +258,7 @@ impl Wedges {
     }
 
     /// Notes what a node makes of edges of conductors, and what of that is new.
+    #[inline]
     fn settle(&mut self, node: usize, sides: u8, now: AtWedge) {
         let before = std::mem::replace(&mut self.at[node], now);
         let has_same_share = before.has_share_of(&now);
@@ -263,12 +270,12 @@ impl Wedges {
         }
     }
 
-    /// Adds the edges that the last update may have changed, whose ends' `conductors` and whose `couplings` before are known.
+    /// Adds the edges that the last update may have changed, whose ends' `conductors` are known, and which of them were plain.
     pub(super) fn add_changed_edges(
         &self,
         edges: &Edges,
         conductors: &[u16],
-        couplings: &[Coupling],
+        is_plain: &[bool],
         changed: &mut IndexSet,
     ) {
         let Edges::Lattice(lattice) = edges else { return };
@@ -280,11 +287,21 @@ impl Wedges {
             let node = node as usize;
             // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
             let may_be_beside = self.at[node].may_be_beside(conductors[node]);
+            if !may_be_beside {
+                for (axis, stride) in strides.into_iter().enumerate() {
+                    // Edges that do not exist are plain.
+                    let below = (3 * node + axis).wrapping_sub(3 * stride);
+                    for edge in [below, 3 * node + axis] {
+                        if is_plain.get(edge) == Some(&false) {
+                            changed.insert(edge);
+                        }
+                    }
+                }
+                continue;
+            }
             let is_changed = |edge: usize, other: usize| {
-                !couplings[edge].is(&Coupling::PLAIN)
-                    || may_be_beside
-                        && self
-                            .may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
+                !is_plain[edge]
+                    || self.may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
             };
             for (axis, stride) in strides.into_iter().enumerate() {
                 let sides = sides >> (2 * axis);
@@ -309,9 +326,30 @@ impl Wedges {
         let (Some(a), Some(b)) = (self.at.get(ends[0] as usize), self.at.get(ends[1] as usize)) else {
             return false;
         };
+        Self::are_beside([a, b], owners)
+    }
+
+    #[inline(always)]
+    fn are_beside([a, b]: [&AtWedge; 2], owners: [u16; 2]) -> bool {
         let [is_all_a, is_all_b] = [a.is_all_to(owners[0]), b.is_all_to(owners[1])];
         // All that is beside an edge is among the cells around either of its ends.
         (a.is_beside || is_all_a) && (b.is_beside || is_all_b) && !(is_all_a && is_all_b)
+    }
+
+    /// What is left of an edge with free ends that no object is on: the link that it carries. `None` where walls may pass
+    /// beside it.
+    #[inline]
+    pub(super) fn link_alone(&self, edge: usize, ends: [u32; 2]) -> Option<Coupling> {
+        let mut coupling = Coupling::PLAIN;
+        if let (Some(from), Some(to)) = (self.at.get(ends[0] as usize), self.at.get(ends[1] as usize)) {
+            if Self::are_beside([from, to], [NO_OBJECT; 2]) {
+                return None;
+            }
+            if edge % 3 == CARRIER && from.share > 0.0 && from.link != 0.0 {
+                (coupling.factor[0], coupling.object[0]) = (from.link, from.object);
+            }
+        }
+        Some(coupling)
     }
 
     /// What the ends of an edge make of it, if one is near an edge of a conductor.
@@ -322,9 +360,15 @@ impl Wedges {
 }
 
 impl Scene<'_> {
-    /// Whether a conductor has an edge among the cells around a node.
-    fn is_beside(&self, star: &Star<'_>) -> bool {
-        self.has_edges_in(&star.bounds())
+    /// Whether a conductor has an edge among the cells around a node of a piece of a row, of which it is known what boxes are
+    /// near.
+    fn is_beside(&self, star: &Star<'_>, number: usize, nearest: &[NearestEdges]) -> bool {
+        (0..self.bounds.len()).any(|object| {
+            let is_box = self.fields[object].of_box().is_some();
+            self.is_conductor(object)
+                && (!is_box || nearest[object].may_be_beside(number))
+                && self.has_edge_in(object, &star.bounds())
+        })
     }
 
     /// Finds the nearest edges of all boxes that are conductors for a piece of a row.
@@ -336,7 +380,7 @@ impl Scene<'_> {
             };
             let bounds = &self.bounds[object];
             let is_far = (0..2).any(|across| {
-                let plane = &row.across[across];
+                let plane = row.across[across];
                 let place = plane.at.clamp(bounds.min[1 + across], bounds.max[1 + across]);
                 plane.cells_to(place - plane.at) >= FAR
             });
@@ -373,7 +417,7 @@ impl Scene<'_> {
             sides: star.sides(),
             at: AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE },
             share,
-            of_negative: (near.breadth() / longest.max_element() - 1.0).clamp(0.0, 1.0),
+            of_negative: (near.breadth() * star.per_longest() - 1.0).clamp(0.0, 1.0),
             carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
         }
     }
@@ -405,6 +449,33 @@ impl Scene<'_> {
         found.filter(|_| share > 0.0).map(|object| (object, share))
     }
 
+    /// The same for a node of a piece of a row, of which it is known what boxes are near, and the field near the conductor if that
+    /// is no box.
+    #[inline]
+    fn nearest_in_row(
+        &self,
+        star: &Star<'_>,
+        number: usize,
+        nearest: &[NearestEdges],
+    ) -> Option<((usize, f64), Option<Near>)> {
+        let is_box = |object: usize| self.fields[object].of_box().is_some();
+        if self.fields.len() == 1 && is_box(0) && self.is_conductor(0) {
+            let share = nearest[0].share(number);
+            return (share > 0.0).then_some(((0, share), None));
+        }
+        let mut near = None;
+        let found = self.nearest(star.node, star, |object| {
+            if is_box(object) {
+                return Some(nearest[object].share(number));
+            }
+            let (seen, share) = self.near(object, star.node, star)?;
+            near = Some(seen);
+            Some(share)
+        });
+        // Others may have been seen before, without a share.
+        found.map(|found| (found, near.filter(|_| !is_box(found.0))))
+    }
+
     /// The field near a conductor, and its share if there is nothing else.
     #[inline]
     pub(super) fn near(&self, object: usize, node: usize, cells: &impl Cells) -> Option<(Near, f64)> {
@@ -423,15 +494,17 @@ impl Scene<'_> {
     }
 
     /// Whether the background is the same all around a node.
+    #[inline]
     fn is_homogeneous(&self, star: &Star<'_>) -> bool {
-        if self.mesh.permittivity.is_uniform() {
-            return true;
-        }
+        self.mesh.permittivity.is_uniform() || self.has_one_permittivity(star)
+    }
+
+    fn has_one_permittivity(&self, star: &Star<'_>) -> bool {
         let mut all = None;
         let mut is_homogeneous = true;
         for axis in 0..3 {
             for upwards in [false, true] {
-                if let Some((neighbour, _)) = star.neighbour(axis, upwards) {
+                if let Some(neighbour) = star.neighbour(axis, upwards) {
                     let edge = 3 * star.node.min(neighbour) + axis;
                     let permittivity = self.mesh.permittivity.at(edge);
                     is_homogeneous &= *all.get_or_insert(permittivity) == permittivity;
@@ -439,54 +512,5 @@ impl Scene<'_> {
             }
         }
         is_homogeneous
-    }
-
-    /// What is left of an edge of the lattice if nodes near edges of conductors are at its ends. `cut` is what surfaces on
-    /// the edge make of it, `covered` what walls make of it as well.
-    pub(super) fn between_wedges(
-        &self,
-        edge: usize,
-        ends: [u32; 2],
-        wedges: [&AtWedge; 2],
-        owners: [u16; 2],
-        cut: Coupling,
-        covered: Coupling,
-    ) -> Coupling {
-        let is_free = owners == [NO_OBJECT; 2];
-        let mut coupling = covered;
-        if !is_free {
-            // To a node in the conductor the edge itself is what others are linked by.
-            coupling.through *= 1.0 - f64::from(wedges[0].share.max(wedges[1].share));
-        }
-        for end in 0..2 {
-            let AtWedge { object, share, link, potential, .. } = *wedges[end];
-            coupling.factor[end] *= 1.0 - f64::from(share);
-            if share > 0.0 {
-                // The link was found for what surfaces on the edge make of it.
-                if is_free && covered.through != cut.through {
-                    let slope = self.slope_from(object, potential, [ends[end], ends[1 - end]]);
-                    coupling.factor[end] += f64::from(share) * (covered.through - cut.through) * slope;
-                }
-                if end == 0 && edge % 3 == CARRIER {
-                    coupling.factor[end] += link;
-                }
-                coupling.object[end] = object;
-            }
-            if coupling.factor[end] == 0.0 {
-                coupling.object[end] = NO_OBJECT;
-            }
-        }
-        coupling
-    }
-
-    /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q.
-    fn slope_from(&self, object: u16, potential: f64, nodes: [u32; 2]) -> f64 {
-        let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
-        let KnownField::Edges(angles) = &self.fields[usize::from(object)] else { return 0.0 };
-        let Some(angle) = angles.nearest(from) else { return 0.0 };
-        let mut place = Places::<1>::ORIGIN;
-        place.set(0, angle.coordinates(to));
-        let [other] = place.potentials(angle.radius);
-        other / potential - 1.0
     }
 }

@@ -3,31 +3,45 @@
 //! The same as is found for one node at a time. Along a row of the lattice only x differs, and what
 //! depends on y and z is computed once.
 
-use super::angles::{RightAngles, distances_of_box, inside_of};
-use super::star::{RowCells, TOGETHER, either};
-use super::{FAR, NEAR, RightAngle, smooth};
+use super::angles::{RightAngles, inside_of};
+use super::cells::{RowCells, TOGETHER, either};
+use super::share::is_thicker;
+use super::{Extent, FAR, NEAR, smooth};
 use crate::occupancy::index_set::RUN;
 use glam::DVec3;
 
 /// What the nodes of a piece of a row make of a box, were there nothing else.
 #[derive(Clone, Debug)]
 pub(super) struct NearestEdges {
-    /// Where the nodes are in the box's frame.
-    local: [[f64; RUN]; 3],
-    /// The axis of that frame along which the nearest edge is, as a number.
-    axis: [f64; RUN],
-    /// How far the place nearest to the node is from the edge's end.
-    inside: [f64; RUN],
+    /// The box's edges, by the numbers below.
+    edges: BoxEdges,
+    /// The number of the nearest edge.
+    edge: [f64; RUN],
+    /// How far the node is before either of its faces.
+    before: [[f64; RUN]; 2],
     share: [f64; RUN],
+    /// One where an edge may be among the cells around the node, otherwise zero.
+    may_be_beside: [f64; RUN],
 }
 
 impl NearestEdges {
-    pub(super) const NONE: Self =
-        Self { local: [[0.0; RUN]; 3], axis: [0.0; RUN], inside: [0.0; RUN], share: [0.0; RUN] };
+    pub(super) const NONE: Self = Self {
+        edges: BoxEdges::NONE,
+        edge: [0.0; RUN],
+        before: [[0.0; RUN]; 2],
+        share: [0.0; RUN],
+        may_be_beside: [0.0; RUN],
+    };
+
+    /// Takes the box whose edges are looked for from now on.
+    pub(super) fn start(&mut self, angles: &RightAngles, half: DVec3) {
+        self.edges = BoxEdges::of(angles, half);
+    }
 
     /// Of no node is any edge near.
     pub(super) fn clear(&mut self) {
         self.share.fill(0.0);
+        self.may_be_beside.fill(0.0);
     }
 
     /// The share of the edge that is nearest to a node.
@@ -36,14 +50,70 @@ impl NearestEdges {
         self.share[node]
     }
 
+    /// Whether an edge may be among the cells around a node.
+    #[inline]
+    pub(super) fn may_be_beside(&self, node: usize) -> bool {
+        self.may_be_beside[node] != 0.0
+    }
+
     /// The edge that is nearest to a node, and how far the node is before either face.
-    #[inline(always)]
-    pub(super) fn angle(&self, node: usize, angles: &RightAngles, half: DVec3) -> (RightAngle, [f64; 2]) {
-        let local = DVec3::from_array([0, 1, 2].map(|axis: usize| self.local[axis][node]));
-        let axis = self.axis[node] as usize;
-        let outside = local.abs() - half;
-        let before = [(axis + 1) % 3, (axis + 2) % 3].map(|across| outside[across]);
-        (angles.of_box(half, local, axis, self.inside[node]), before)
+    #[inline]
+    pub(super) fn edge(&self, node: usize) -> (&BoxEdge, [f64; 2]) {
+        // Bits that the sum of a small whole number and this one ends with are that number.
+        const WHOLE: f64 = 4_503_599_627_370_496.0;
+        let number = (self.edge[node] + WHOLE).to_bits() as usize % EDGES;
+        (&self.edges.0[number], [self.before[0][node], self.before[1][node]])
+    }
+}
+
+/// So many numbers are for edges of a box; the last four are of none.
+const EDGES: usize = 16;
+
+/// An edge of a box, wherever along it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct BoxEdge {
+    /// Outward unit normals of the two faces.
+    pub(super) normals: [DVec3; 2],
+    /// How thick the box is behind either face.
+    thickness: [f64; 2],
+    /// The middle one of its extents.
+    breadth: f64,
+}
+
+impl Extent for BoxEdge {
+    #[inline]
+    fn is_thicker_than(&self, lengths: DVec3) -> bool {
+        is_thicker(&self.normals, &self.thickness, lengths)
+    }
+
+    #[inline]
+    fn breadth(&self) -> f64 {
+        self.breadth
+    }
+}
+
+/// The edges of a box: four times the axis that they are along, one more where the first of the next two coordinates is
+/// negative, and two more where the second is.
+#[derive(Clone, Debug)]
+struct BoxEdges([BoxEdge; EDGES]);
+
+impl BoxEdges {
+    const NONE: Self =
+        Self([BoxEdge { normals: [DVec3::ZERO; 2], thickness: [0.0; 2], breadth: 0.0 }; EDGES]);
+
+    fn of(angles: &RightAngles, half: DVec3) -> Self {
+        let turn = &angles.sensor_from_object.matrix3;
+        let breadth = 2.0 * (half.element_sum() - half.min_element() - half.max_element());
+        Self(std::array::from_fn(|edge| {
+            let (axis, corner) = (edge / 4 % 3, edge % 4);
+            let across = [(axis + 1) % 3, (axis + 2) % 3];
+            let side = [0, 1].map(|face| if corner >> face & 1 == 0 { 1.0 } else { -1.0 });
+            BoxEdge {
+                normals: [0, 1].map(|face: usize| turn.col(across[face]) * side[face]),
+                thickness: across.map(|across| 2.0 * half[across]),
+                breadth,
+            }
+        }))
     }
 }
 
@@ -56,9 +126,13 @@ pub(super) struct FindNearest<'a> {
     pub(super) nearest: &'a mut NearestEdges,
 }
 
+/// What is around edges is looked at with this much more around, so that rounding hides none.
+const MORE: f64 = 1.0 + 1e-9;
+
 impl pulp::NullaryFnOnce for FindNearest<'_> {
     type Output = ();
 
+    /// One loop over the nodes of a group, all in plain numbers: of these a compiler makes instructions for several nodes.
     #[inline(always)]
     fn call(self) {
         let Self { angles, half, row, nearest } = self;
@@ -66,56 +140,108 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
         let turn = &angles.object_from_sensor;
         let origin = angles.sensor_from_object.translation;
         let start = turn.y_axis * (y.at - origin.y) + turn.z_axis * (z.at - origin.z);
-        // How long cells are along the axes of the box.
+        // How long cells are along the axes of the box, and how far the cells around nodes reach along them, and from where.
         let lengths = turn.y_axis.abs() * y.narrowest + turn.z_axis.abs() * z.narrowest;
+        let reach = turn.y_axis.abs() * (MORE * y.width) + turn.z_axis.abs() * (MORE * z.width);
+        let middle = start + turn.y_axis * (0.5 * y.skew) + turn.z_axis * (0.5 * z.skew);
+        let (turn_x, turn_y, turn_z) = (turn.x_axis, turn.y_axis, turn.z_axis);
         let along = turn.x_axis.abs();
         for (group, x) in row.groups().enumerate() {
             let nodes = group * TOGETHER..(group + 1) * TOGETHER;
-            let (mut local, mut found) = ([[0.0; TOGETHER]; 3], [[0.0; TOGETHER]; 3]);
+            let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 4]);
             for node in 0..TOGETHER {
                 let x = x.at(node);
-                let point = start + turn.x_axis * (x.at - origin.x);
-                let [outside, squared] = distances_of_box(half, point);
-                let is_x = (squared.x <= squared.y) & (squared.x <= squared.z);
-                let is_y = !is_x & (squared.y <= squared.z);
-                let of_axis = |of: DVec3| either(is_x, of.x, either(is_y, of.y, of.z));
-                let from = half.copysign(point) - point;
-                let from = DVec3::new(
-                    either(is_x, 0.0, from.x),
-                    either(is_y, 0.0, from.y),
-                    either(is_x | is_y, from.z, 0.0),
-                );
+                let way = x.at - origin.x;
+                let point = [start.x + turn_x.x * way, start.y + turn_x.y * way, start.z + turn_x.z * way];
+                let outside = [point[0].abs() - half.x, point[1].abs() - half.y, point[2].abs() - half.z];
+                let squared = [outside[0] * outside[0], outside[1] * outside[1], outside[2] * outside[2]];
+                let beyond = [larger(outside[0], 0.0), larger(outside[1], 0.0), larger(outside[2], 0.0)];
+                let sum = squared[0] + squared[1] + squared[2];
+                // The squares of the distances from the nearest edges along each axis.
+                let squared = [
+                    sum - squared[0] + beyond[0] * beyond[0],
+                    sum - squared[1] + beyond[1] * beyond[1],
+                    sum - squared[2] + beyond[2] * beyond[2],
+                ];
+                let is_x = (squared[0] <= squared[1]) & (squared[0] <= squared[2]);
+                let is_z = !is_x & (squared[2] < squared[1]);
+                let of_axis = |x: f64, y: f64, z: f64| either(is_x, x, either(is_z, z, y));
+                let from = [
+                    either(is_x, 0.0, half.x.copysign(point[0]) - point[0]),
+                    either(is_x | is_z, half.y.copysign(point[1]) - point[1], 0.0),
+                    either(is_z, 0.0, half.z.copysign(point[2]) - point[2]),
+                ];
                 // Across the rows of the rotation, which takes the box's frame to the sensor's.
-                let ways = [turn.x_axis.dot(from), turn.y_axis.dot(from), turn.z_axis.dot(from)];
+                let ways = [
+                    turn_x.x * from[0] + turn_x.y * from[1] + turn_x.z * from[2],
+                    turn_y.x * from[0] + turn_y.y * from[1] + turn_y.z * from[2],
+                    turn_z.x * from[0] + turn_z.y * from[1] + turn_z.z * from[2],
+                ];
                 let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
                 let farthest = larger(larger(cells[0], cells[1]), cells[2]);
                 let part = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
-                let length = of_axis(lengths + along * x.narrowest);
-                let inside = inside_of(-of_axis(outside), squared);
-                (local[0][node], local[1][node], local[2][node]) = (point.x, point.y, point.z);
-                found[0][node] = of_axis(DVec3::new(0.0, 1.0, 2.0));
-                found[1][node] = inside;
+                let length = of_axis(
+                    lengths.x + along.x * x.narrowest,
+                    lengths.y + along.y * x.narrowest,
+                    lengths.z + along.z * x.narrowest,
+                );
+                let before_end = -of_axis(outside[0], outside[1], outside[2]);
+                let inside = inside_of(before_end, squared);
+                // Of the two faces that meet at the edge.
+                let before = [
+                    of_axis(outside[1], outside[2], outside[0]),
+                    of_axis(outside[2], outside[0], outside[1]),
+                ];
+                let is_negative = [
+                    of_axis(point[1], point[2], point[0]) < 0.0,
+                    of_axis(point[2], point[0], point[1]) < 0.0,
+                ];
+                let is_beside = may_be_near(
+                    [
+                        (middle.x + turn_x.x * (way + 0.5 * x.skew)).abs() - half.x,
+                        (middle.y + turn_x.y * (way + 0.5 * x.skew)).abs() - half.y,
+                        (middle.z + turn_x.z * (way + 0.5 * x.skew)).abs() - half.z,
+                    ],
+                    [
+                        reach.x + along.x * (MORE * x.width),
+                        reach.y + along.y * (MORE * x.width),
+                        reach.z + along.z * (MORE * x.width),
+                    ],
+                );
+                edge[node] = of_axis(0.0, 4.0, 8.0)
+                    + either(is_negative[0], 1.0, 0.0)
+                    + either(is_negative[1], 2.0, 0.0);
+                found[0][node] = before[0];
+                found[1][node] = before[1];
                 found[2][node] = part * larger(smaller(inside / length, 1.0), 0.0);
+                found[3][node] = either(is_beside, 1.0, 0.0);
             }
-            for (all, new) in nearest.local.iter_mut().zip(&local) {
-                all[nodes.clone()].copy_from_slice(new);
-            }
-            let [axis, inside, share] = found;
-            nearest.axis[nodes.clone()].copy_from_slice(&axis);
-            nearest.inside[nodes.clone()].copy_from_slice(&inside);
-            nearest.share[nodes].copy_from_slice(&share);
+            let [first, second, share, may_be_beside] = found;
+            nearest.edge[nodes.clone()].copy_from_slice(&edge);
+            nearest.before[0][nodes.clone()].copy_from_slice(&first);
+            nearest.before[1][nodes.clone()].copy_from_slice(&second);
+            nearest.share[nodes.clone()].copy_from_slice(&share);
+            nearest.may_be_beside[nodes].copy_from_slice(&may_be_beside);
         }
     }
 }
 
+/// Whether an edge of a box may be near, of what is so far before its faces along each axis and reaches so far.
+#[inline(always)]
+fn may_be_near(outside: [f64; 3], reach: [f64; 3]) -> bool {
+    let [x, y, z] = [0, 1, 2].map(|axis: usize| outside[axis].abs() <= reach[axis]);
+    let is_beyond = (outside[0] > reach[0]) | (outside[1] > reach[1]) | (outside[2] > reach[2]);
+    !is_beyond & ((x & y) | (y & z) | (z & x))
+}
+
 /// The larger of two numbers; simpler than [`f64::max`], as neither is NaN.
 #[inline(always)]
-pub(super) fn larger(a: f64, b: f64) -> f64 {
+pub(in super::super) fn larger(a: f64, b: f64) -> f64 {
     either(a > b, a, b)
 }
 
 #[inline(always)]
-pub(super) fn smaller(a: f64, b: f64) -> f64 {
+pub(in super::super) fn smaller(a: f64, b: f64) -> f64 {
     either(a < b, a, b)
 }
 
@@ -144,21 +270,27 @@ mod tests {
             let object_from_sensor = sensor_from_object.matrix3.transpose();
             let angles =
                 RightAngles { solid: RightAngled::Box(half), sensor_from_object, object_from_sensor };
-            let mut near = 0;
+            let (mut near, mut beside, mut told) = (0, 0, 0);
             let mut next = 0;
             while next < 11 * 6 * 7 {
                 let mut nearest = NearestEdges::NONE;
                 let row = stars.in_row(next..next + 40, &mut Row::default());
+                nearest.start(&angles, half);
                 let found = FindNearest { angles: &angles, half, row: row.cells(), nearest: &mut nearest };
                 found.call();
                 for (number, star) in row.each().enumerate() {
                     let expected = angles.nearest(star.place()).unwrap();
                     let share = share_of(&star, &expected);
                     assert!((nearest.share(number) - share).abs() < 1e-12, "{next} {number} {share}");
+                    let is_beside = angles.has_edge_of_box_in(half, &star.bounds());
+                    assert!(nearest.may_be_beside(number) || !is_beside, "{next} {number}");
+                    beside += usize::from(is_beside);
+                    told += usize::from(nearest.may_be_beside(number));
                     if share > 0.0 {
                         near += 1;
-                        let (angle, before) = nearest.angle(number, &angles, half);
-                        assert!(angle.place.distance(expected.place) < 1e-12);
+                        let (edge, before) = nearest.edge(number);
+                        assert_eq!(edge.normals, expected.normals);
+                        assert_eq!((edge.thickness, edge.breadth), (expected.thickness, expected.breadth));
                         let exact = expected.before(star.place());
                         assert!((before[0] - exact[0]).abs().max((before[1] - exact[1]).abs()) < 1e-12);
                     }
@@ -166,6 +298,7 @@ mod tests {
                 next = row.nodes.end;
             }
             assert!(near > 100, "{near}");
+            assert!(beside > 50 && told < 2 * beside, "{told} of {beside}");
         }
     }
 }

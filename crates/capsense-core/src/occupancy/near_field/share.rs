@@ -20,7 +20,7 @@ pub(super) trait Extent {
 impl Extent for RightAngle {
     #[inline]
     fn is_thicker_than(&self, lengths: DVec3) -> bool {
-        (0..2).all(|face| SPARE * (self.normals[face] * lengths).abs().max_element() <= self.thickness[face])
+        is_thicker(&self.normals, &self.thickness, lengths)
     }
 
     fn breadth(&self) -> f64 {
@@ -36,6 +36,12 @@ impl Extent for RoundNear {
     fn breadth(&self) -> f64 {
         self.diameter()
     }
+}
+
+/// Whether a conductor is so thick behind either of two faces of these normals.
+#[inline]
+pub(super) fn is_thicker(normals: &[DVec3; 2], thickness: &[f64; 2], lengths: DVec3) -> bool {
+    (0..2).all(|face| SPARE * (normals[face] * lengths).abs().max_element() <= thickness[face])
 }
 
 /// Distances from a node, counted in cells of the mesh around it.

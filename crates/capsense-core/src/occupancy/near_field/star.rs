@@ -1,6 +1,8 @@
 //! A node of a lattice, its neighbours, and distances counted in cells.
 
 use super::Cells;
+use super::cells::{CellArrays, CellGroups, PlaneCells, RowCells, TOGETHER};
+use super::row::smaller;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
@@ -13,31 +15,36 @@ const PLANES: usize = FAR as usize;
 
 /// A plane of nodes across an axis.
 #[derive(Clone, Copy, Debug)]
-struct Plane {
-    at: f64,
+pub(super) struct Plane {
+    pub(super) at: f64,
     /// How far the planes below and above are; zero where the lattice ends.
     ways: [f64; 2],
     /// Where they are, or this one where the lattice ends.
     next: [f64; 2],
     /// The cells below and above and those behind them, the nearer first. Where the lattice ends, cells are as the last one.
-    cells: [[f64; PLANES]; 2],
+    pub(super) cells: [[f64; PLANES]; 2],
     /// One over the ways; zero where the lattice ends.
     inverse: [f64; 2],
     /// How far what is less than [`FAR`] cells away may be.
     reach: f64,
     /// Half of the way from one neighbour to the other.
-    width: f64,
-    /// By how much the way to the neighbour above is longer than that to the one below.
-    skew: f64,
+    pub(super) width: f64,
+    /// By how much the way to the neighbour above is longer than that to the one below, and a twelfth of that.
+    pub(super) skew: f64,
+    skew_twelfth: f64,
     /// The ways to the nearer and to the farther neighbour.
-    narrowest: f64,
+    pub(super) narrowest: f64,
     longest: f64,
+    per_longest: f64,
     /// A bit for each neighbour that there is.
     sides: u8,
+    /// By how much the numbers of nodes differ from those of their neighbours below and above; zero where the lattice ends.
+    strides: [usize; 2],
 }
 
 impl Plane {
-    fn of(planes: &[f64], index: usize) -> Self {
+    /// One of the planes across an axis along which numbers of nodes grow by `stride`.
+    fn of(planes: &[f64], index: usize, stride: usize) -> Self {
         let at = planes[index];
         let next = [index.checked_sub(1), Some(index + 1)]
             .map(|next| next.and_then(|next| planes.get(next)).copied().unwrap_or(at));
@@ -62,9 +69,12 @@ impl Plane {
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),
             skew: above - below,
+            skew_twelfth: (above - below) / 12.0,
             narrowest,
             longest,
+            per_longest: 1.0 / longest,
             sides: u8::from(below > 0.0) | u8::from(above > 0.0) << 1,
+            strides: ways.map(|way| if way > 0.0 { stride } else { 0 }),
         }
     }
 
@@ -81,163 +91,13 @@ impl Plane {
     }
 }
 
-/// One number or the other, both being known. In bits, as a choice between floating-point numbers may become a branch.
-#[inline(always)]
-pub(super) fn either(condition: bool, one: f64, other: f64) -> f64 {
-    let mask = u64::from(condition).wrapping_neg();
-    f64::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
-}
-
-/// The cells below and above a plane of nodes, by which distances along an axis are counted.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct PlaneCells {
-    pub(super) at: f64,
-    /// The way to the nearer neighbour.
-    pub(super) narrowest: f64,
-    /// The cells next to the plane, and one over their sizes and those behind them.
-    first: [f64; 2],
-    per_first: [f64; 2],
-    per_second: [f64; 2],
-}
-
-impl PlaneCells {
-    fn of(plane: &Plane) -> Self {
-        let of_cell = |cell: usize| plane.cells.map(|cells| cells[cell]);
-        Self {
-            at: plane.at,
-            narrowest: plane.narrowest,
-            first: of_cell(0),
-            per_first: of_cell(0).map(f64::recip),
-            per_second: of_cell(1).map(f64::recip),
-        }
-    }
-
-    /// Cells to what is so far above, or below; without branches.
-    #[inline(always)]
-    pub(super) fn cells_to(&self, way: f64) -> f64 {
-        let of_side = |[below, above]: [f64; 2]| either(way > 0.0, above, below);
-        let (away, first) = (way.abs(), of_side(self.first));
-        let within = away * of_side(self.per_first);
-        let behind = 1.0 + (away - first) * of_side(self.per_second);
-        either(away <= first, within, behind)
-    }
-}
-
-/// The same of several planes, one array for each number.
-#[derive(Clone, Debug, Default)]
-struct CellArrays {
-    at: Vec<f64>,
-    narrowest: Vec<f64>,
-    first: [Vec<f64>; 2],
-    per_first: [Vec<f64>; 2],
-    per_second: [Vec<f64>; 2],
-}
-
-/// So many nodes of a row are looked at together. Arrays go on for as many planes behind the last, which are as that one.
-pub(super) const TOGETHER: usize = 8;
-
-impl CellArrays {
-    fn of(planes: &[Plane]) -> Self {
-        let spare = planes.last().into_iter().cycle().take(TOGETHER);
-        let cells: Vec<PlaneCells> = planes.iter().chain(spare).map(PlaneCells::of).collect();
-        let all = |number: &dyn Fn(&PlaneCells) -> f64| cells.iter().map(number).collect::<Vec<f64>>();
-        let sides = |of: &dyn Fn(&PlaneCells) -> [f64; 2]| [0, 1].map(|side| all(&|cells| of(cells)[side]));
-        Self {
-            at: all(&|cells| cells.at),
-            narrowest: all(&|cells| cells.narrowest),
-            first: sides(&|cells| cells.first),
-            per_first: sides(&|cells| cells.per_first),
-            per_second: sides(&|cells| cells.per_second),
-        }
-    }
-
-    /// So many from one on, in groups.
-    fn groups(&self, from: usize, count: usize) -> CellGroups<'_> {
-        fn some(array: &[f64], range: Range<usize>) -> &[Group] {
-            array[range].as_chunks().0
-        }
-        fn sides(arrays: &[Vec<f64>; 2], range: Range<usize>) -> [&[Group]; 2] {
-            arrays.each_ref().map(|array| some(array, range.clone()))
-        }
-        let range = from..from + count;
-        CellGroups {
-            at: some(&self.at, range.clone()),
-            narrowest: some(&self.narrowest, range.clone()),
-            first: sides(&self.first, range.clone()),
-            per_first: sides(&self.per_first, range.clone()),
-            per_second: sides(&self.per_second, range),
-        }
-    }
-}
-
-/// A number of planes next to each other.
-type Group = [f64; TOGETHER];
-
-/// Pieces of these arrays, all of one length, in groups.
-#[derive(Clone, Copy, Debug)]
-struct CellGroups<'a> {
-    at: &'a [Group],
-    narrowest: &'a [Group],
-    first: [&'a [Group]; 2],
-    per_first: [&'a [Group]; 2],
-    per_second: [&'a [Group]; 2],
-}
-
-/// One group of each.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CellGroup<'a> {
-    at: &'a Group,
-    narrowest: &'a Group,
-    first: [&'a Group; 2],
-    per_first: [&'a Group; 2],
-    per_second: [&'a Group; 2],
-}
-
-impl CellGroup<'_> {
-    #[inline(always)]
-    pub(super) fn at(&self, plane: usize) -> PlaneCells {
-        let sides = |[below, above]: [&Group; 2]| [below[plane], above[plane]];
-        PlaneCells {
-            at: self.at[plane],
-            narrowest: self.narrowest[plane],
-            first: sides(self.first),
-            per_first: sides(self.per_first),
-            per_second: sides(self.per_second),
-        }
-    }
-}
-
-/// Cells around nodes next to each other along x.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RowCells<'a> {
-    /// Along x, of the nodes and of a few more that make the last group full.
-    x: CellGroups<'a>,
-    /// Along y and z.
-    pub(super) across: [PlaneCells; 2],
-}
-
-impl<'a> RowCells<'a> {
-    /// Along x, group by group.
-    #[inline(always)]
-    pub(super) fn groups(&self) -> impl Iterator<Item = CellGroup<'a>> {
-        let x = self.x;
-        let sides = |groups: [&'a [Group]; 2], group: usize| [&groups[0][group], &groups[1][group]];
-        (0..x.at.len()).map(move |group| CellGroup {
-            at: &x.at[group],
-            narrowest: &x.narrowest[group],
-            first: sides(x.first, group),
-            per_first: sides(x.per_first, group),
-            per_second: sides(x.per_second, group),
-        })
-    }
-}
-
 /// The planes of a lattice.
 #[derive(Clone, Debug, Default)]
 pub(in super::super) struct Stars {
     planes: [Vec<Plane>; 3],
     along_x: CellArrays,
-    strides: [usize; 3],
+    /// The cells beside the planes across y and z.
+    across: [Vec<PlaneCells>; 2],
 }
 
 /// The row of nodes that was asked for last.
@@ -250,12 +110,14 @@ pub(in super::super) struct Row {
 
 impl Stars {
     pub(super) fn of(lattice: &Lattice) -> Self {
-        let planes: [Vec<Plane>; 3] = lattice
-            .axes()
-            .each_ref()
-            .map(|planes| (0..planes.len()).map(|index| Plane::of(planes, index)).collect());
+        let strides = lattice.strides();
+        let planes: [Vec<Plane>; 3] = std::array::from_fn(|axis| {
+            let planes = &lattice.axes()[axis];
+            (0..planes.len()).map(|index| Plane::of(planes, index, strides[axis])).collect()
+        });
         let along_x = CellArrays::of(&planes[0]);
-        Self { planes, along_x, strides: lattice.strides() }
+        let across = [1, 2].map(|axis: usize| planes[axis].iter().map(PlaneCells::of).collect());
+        Self { planes, along_x, across }
     }
 
     /// Those of some nodes that are in the row of the first.
@@ -267,17 +129,15 @@ impl Stars {
         StarsInRow {
             x: &x[from..from + nodes.len()],
             across: [&y[row.place[0]], &z[row.place[1]]],
+            cells_across: [0, 1].map(|across| &self.across[across][row.place[across]]),
             along_x: self.along_x.groups(from, nodes.len().next_multiple_of(TOGETHER)),
             nodes,
-            strides: self.strides,
         }
     }
 
     /// The number of a neighbour that a node has.
-    #[inline]
     pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
-        let stride = self.strides[number / 2];
-        if number.is_multiple_of(2) { node - stride } else { node + stride }
+        self.at(node, &mut Row::default()).step(number / 2, number % 2).0
     }
 
     /// Notes the row of a node.
@@ -299,16 +159,16 @@ impl Stars {
         self.find_row(node, row);
         let [x, y, z] = &self.planes;
         let planes = [&x[node - row.nodes.start], &y[row.place[0]], &z[row.place[1]]];
-        Star { node, strides: self.strides, planes }
+        Star { node, planes }
     }
 }
 
 /// Nodes next to each other in a row.
 pub(super) struct StarsInRow<'a> {
     pub(super) nodes: Range<usize>,
-    strides: [usize; 3],
     x: &'a [Plane],
     across: [&'a Plane; 2],
+    cells_across: [&'a PlaneCells; 2],
     along_x: CellGroups<'a>,
 }
 
@@ -316,13 +176,13 @@ impl StarsInRow<'_> {
     /// Each of them.
     pub(super) fn each(&self) -> impl Iterator<Item = Star<'_>> {
         let [y, z] = self.across;
-        let at = move |(node, x)| Star { node, strides: self.strides, planes: [x, y, z] };
+        let at = move |(node, x)| Star { node, planes: [x, y, z] };
         self.nodes.clone().zip(self.x).map(at)
     }
 
     /// The cells around them.
     pub(super) fn cells(&self) -> RowCells<'_> {
-        RowCells { x: self.along_x, across: self.across.map(PlaneCells::of) }
+        RowCells { x: self.along_x, across: self.cells_across }
     }
 
     /// Whether the cells around any of them reach a box across the row.
@@ -337,7 +197,6 @@ impl StarsInRow<'_> {
 /// A node of the lattice and its neighbours.
 pub(in super::super) struct Star<'a> {
     pub(super) node: usize,
-    strides: [usize; 3],
     planes: [&'a Plane; 3],
 }
 
@@ -361,20 +220,19 @@ impl Star<'_> {
         self.planes[axis].next[1]
     }
 
-    /// The neighbour on a side of the node along an axis, and how far it is; none where the lattice ends.
+    /// The neighbour on a side of the node along an axis; none where the lattice ends.
     #[inline]
-    pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<(usize, f64)> {
+    pub(super) fn neighbour(&self, axis: usize, upwards: bool) -> Option<usize> {
         let (node, step) = self.step(axis, usize::from(upwards));
-        (step != 0.0).then_some((node, step.abs()))
+        (step != 0.0).then_some(node)
     }
 
     /// The neighbour below (0) or above (1) along an axis, and the way there, negative if below. Where the lattice ends, the
     /// node itself.
     #[inline]
     pub(super) fn step(&self, axis: usize, side: usize) -> (usize, f64) {
-        let way = self.planes[axis].ways[side];
-        let stride = if way > 0.0 { self.strides[axis] } else { 0 };
-        if side == 0 { (self.node - stride, -way) } else { (self.node + stride, way) }
+        let &Plane { ways, strides, .. } = self.planes[axis];
+        if side == 0 { (self.node - strides[0], -ways[0]) } else { (self.node + strides[1], ways[1]) }
     }
 
     /// One over the way to a neighbour; zero where the lattice ends.
@@ -395,7 +253,19 @@ impl Star<'_> {
     #[inline]
     pub(super) fn area(&self, axis: usize) -> f64 {
         let [a, b] = [1, 2].map(|next| self.planes[(axis + next) % 3]);
-        a.width * b.width + a.skew * b.skew / 12.0
+        a.width * b.width + a.skew * b.skew_twelfth
+    }
+
+    /// The way to the nearer neighbour along an axis.
+    #[inline]
+    pub(in super::super) fn narrowest(&self, axis: usize) -> f64 {
+        self.planes[axis].narrowest
+    }
+
+    /// Half of the way from one neighbour along an axis to the other.
+    #[inline]
+    pub(in super::super) fn width(&self, axis: usize) -> f64 {
+        self.planes[axis].width
     }
 
     /// The ways to the farther neighbour along each axis.
@@ -403,6 +273,13 @@ impl Star<'_> {
     pub(super) fn longest(&self) -> DVec3 {
         let [x, y, z] = self.planes;
         DVec3::new(x.longest, y.longest, z.longest)
+    }
+
+    /// One over the way to the farthest neighbour.
+    #[inline]
+    pub(super) fn per_longest(&self) -> f64 {
+        let [x, y, z] = self.planes;
+        smaller(smaller(x.per_longest, y.per_longest), z.per_longest)
     }
 
     /// The box up to the neighbours, which holds all that is beside the node's edges.
@@ -469,7 +346,7 @@ mod tests {
         let planes = [0.0, 1.0, 3.0, 7.0];
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
-        let cells = places.map(|(index, coordinate)| Plane::of(&planes, index).cells_to(coordinate));
+        let cells = places.map(|(index, coordinate)| Plane::of(&planes, index, 1).cells_to(coordinate));
         assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
     }
 }

@@ -13,6 +13,7 @@ use super::index_set::IndexList;
 use super::{Coupling, NO_OBJECT, Occupancy, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh};
+use crate::workers::Workers;
 use negative::NegativeWeights;
 use node_links::NodeLinks;
 use obtuse::ObtuseElements;
@@ -40,7 +41,7 @@ pub(super) struct HeldEdge {
 }
 
 impl HeldEdge {
-    fn of(edge: usize, ends: [u32; 2], conductors: &[u16]) -> Self {
+    pub(super) fn of(edge: usize, ends: [u32; 2], conductors: &[u16]) -> Self {
         Self { edge, owners: ends.map(|node| conductors[node as usize]) }
     }
 }
@@ -113,13 +114,18 @@ fn is_conducting(rule: &Coupling, owners: [u16; 2]) -> bool {
 impl Occupancy {
     /// Couples the edges of a mesh that is no lattice, as far as something changed there; whether links were lost.
     /// `around_edges` are boxes outside of which no edge of an object was or is, of what changed.
-    pub(super) fn update_unstructured(&mut self, scene: &Scene<'_>, around_edges: &[Aabb]) -> bool {
+    pub(super) fn update_unstructured(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        around_edges: &[Aabb],
+    ) -> bool {
         let Some(mut unstructured) = self.unstructured.take() else { return false };
         let Unstructured { negative, obtuse, pending, .. } = &mut *unstructured;
         if let Some(negative) = negative {
             negative.update_elements(obtuse, |edge| pending.insert(edge));
         }
-        unstructured.update_links(scene, around_edges, &self.conductor);
+        unstructured.update_links(workers, scene, around_edges, &self.conductor);
         let mut links_lost = false;
         for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;

@@ -20,10 +20,14 @@ use super::{HeldEdge, Unstructured};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh, signed_volume};
 use crate::sensor::FREE;
+use crate::workers::Workers;
 use glam::DVec3;
 
 /// Permittivities differ by less than this part of them where they are the same but for rounding.
 const SAME: f64 = 1e-9;
+
+/// So many nodes keep a thread busy for ten times as long as it takes to hand them over.
+const NODES_OF_A_TASK: usize = 64;
 
 /// The link of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,8 +70,9 @@ pub(super) struct NodeLinks {
     carrier: Vec<u32>,
     /// The edge of a cube as large as what each node has around it, in metres.
     cell: Vec<f64>,
-    /// Nodes to be looked at again in this frame.
+    /// Nodes to be looked at again in this frame, and what becomes of their links.
     pending: IndexList,
+    found: Vec<NodeLink>,
 }
 
 /// The edges of a node that end in conductors.
@@ -136,6 +141,7 @@ impl NodeLinks {
             carrier: (0..nodes).map(heaviest).collect(),
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
             pending: IndexList::below(nodes),
+            found: Vec::new(),
         }
     }
 
@@ -166,21 +172,52 @@ impl NodeLinks {
 
 impl Unstructured {
     /// Links nodes anew where something changed, and notes the edges that carry these links.
-    pub(super) fn update_links(&mut self, scene: &Scene<'_>, around_edges: &[Aabb], conductors: &[u16]) {
+    pub(super) fn update_links(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        around_edges: &[Aabb],
+        conductors: &[u16],
+    ) {
         self.links.look_around(scene, around_edges);
         for &edge in self.pending.numbers() {
             // How little links may be depends on all edges of elements.
             self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.insert(node));
         }
-        for at in 0..self.links.pending.numbers().len() {
-            let node = self.links.pending.numbers()[at] as usize;
-            let now = self.link(scene, node, conductors);
-            let before = std::mem::replace(&mut self.links.links[node], now);
-            if before.object != now.object || before.weight.to_bits() != now.weight.to_bits() {
-                self.pending.insert(self.links.carrier[node] as usize);
+        if workers.threads() == 1 {
+            for at in 0..self.links.pending.numbers().len() {
+                let node = self.links.pending.numbers()[at] as usize;
+                let now = self.link(scene, node, conductors);
+                self.take_link(node, now);
             }
+        } else {
+            self.share_links(workers, scene, conductors);
         }
         self.links.pending.clear();
+    }
+
+    /// The same for all pending nodes, by threads that share them.
+    fn share_links(&mut self, workers: &Workers, scene: &Scene<'_>, conductors: &[u16]) {
+        let mut found = std::mem::take(&mut self.links.found);
+        let nodes = self.links.pending.numbers();
+        found.resize(nodes.len(), NodeLink::NONE);
+        let tasks = nodes.chunks(NODES_OF_A_TASK).zip(found.chunks_mut(NODES_OF_A_TASK));
+        workers.for_each(tasks, |(nodes, found)| {
+            let link = |node: &u32| self.link(scene, *node as usize, conductors);
+            found.iter_mut().zip(nodes).for_each(|(found, node)| *found = link(node));
+        });
+        for (at, &now) in found.iter().enumerate() {
+            self.take_link(self.links.pending.numbers()[at] as usize, now);
+        }
+        self.links.found = found;
+    }
+
+    /// Takes over the link of a node, and notes the edge that carries it.
+    fn take_link(&mut self, node: usize, now: NodeLink) {
+        let before = std::mem::replace(&mut self.links.links[node], now);
+        if before.object != now.object || before.weight.to_bits() != now.weight.to_bits() {
+            self.pending.insert(self.links.carrier[node] as usize);
+        }
     }
 
     /// What is left of an edge.

@@ -1,7 +1,7 @@
 //! Fields of a few terminals side by side, and what an iteration does to them.
 
 use super::rows::{Rows, STRIP};
-use crate::solver::workers::{Workers, vectorised};
+use crate::workers::{Workers, vectorised};
 use std::ops::Range;
 
 /// One group of `L` columns. Rows of objects come after those of nodes.

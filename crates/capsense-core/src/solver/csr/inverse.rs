@@ -5,7 +5,7 @@ use super::aggregation::{Gains, Hierarchy, Work};
 use super::columns::Columns;
 use super::direct::Direct;
 use super::rows::Rows;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 
 /// An approximate inverse with its numbers, and what it made of the residuals of each group of columns.
 #[derive(Clone, Debug)]

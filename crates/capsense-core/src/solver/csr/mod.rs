@@ -21,9 +21,9 @@ mod tests;
 use super::Preconditioner;
 use super::islands::Islands;
 use super::operator::{Operator, State};
-use super::workers::Workers;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use columns::{Along, Columns, Sums, add};
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
@@ -86,7 +86,7 @@ impl Stale {
 /// empty scene has, the aggregates of its rows.
 pub(super) fn aggregated(matrix: &StiffnessMatrix, fixed: &[bool]) -> (Vec<u32>, Vec<Vec<u32>>) {
     let mut rows = Rows::new(matrix);
-    rows.refresh(matrix, fixed, 0..matrix.nodes() as u32);
+    rows.refresh(matrix, fixed, 0..matrix.nodes() as u32, &Workers::default());
     let mut hierarchy = aggregation::Hierarchy::default();
     hierarchy.refresh(&rows);
     let row_of_node = (0..matrix.nodes()).map(|node| rows.row_of(node) as u32).collect();
@@ -269,7 +269,7 @@ impl<const L: usize> Solver<L> {
     }
 
     fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
-        self.rows.refresh(matrix, fixed, changed);
+        self.rows.refresh(matrix, fixed, changed, &self.workers);
         self.rows.changed().iter().for_each(|&row| self.stale.push(row));
         if self.stale.rows.len() * MANY > self.rows.len() {
             self.inverse.refresh(&self.rows);

@@ -38,7 +38,7 @@ struct Span {
 
 /// The three parts of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Part {
+enum Part {
     Lower,
     Higher,
     Far,
@@ -92,8 +92,14 @@ impl Pattern {
         pattern
     }
 
+    /// The rows of the block that a row is in, as if the last block had as many as the others.
+    pub(super) fn block_of(&self, row: usize) -> Range<usize> {
+        let first = row / self.block * self.block;
+        first..first + self.block
+    }
+
     /// Where a row lists another.
-    pub(super) fn part(&self, row: usize, other: usize) -> Part {
+    fn part(&self, row: usize, other: usize) -> Part {
         match (row / self.block == other / self.block, other < row) {
             (false, _) => Part::Far,
             (true, true) => Part::Lower,

@@ -1,8 +1,10 @@
 //! K in compressed rows, in the solver's own order of the nodes.
 
 use super::ordering::reverse_cuthill_mckee;
-use super::pattern::{Part, Pattern};
+use super::pattern::Pattern;
+use crate::occupancy::IndexList;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -26,8 +28,7 @@ pub(super) struct Rows {
     /// Ordered by row.
     links: Vec<RowLink>,
     /// Rows that the last refresh touched.
-    changed: Vec<u32>,
-    marked: Vec<bool>,
+    changed: IndexList,
 }
 
 /// A weight between a row and that of an object.
@@ -63,8 +64,7 @@ impl Rows {
             link_sums: vec![0.0; nodes],
             fixed: vec![false; nodes],
             links: Vec::new(),
-            changed: Vec::new(),
-            marked: vec![false; nodes],
+            changed: IndexList::below(nodes),
         }
     }
 
@@ -84,58 +84,51 @@ impl Rows {
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         changed: impl Iterator<Item = u32>,
+        workers: &Workers,
     ) {
-        for row in self.changed.drain(..) {
-            self.marked[row as usize] = false;
+        let mut changed = changed.map(|node| node as usize).filter(|&node| node < matrix.nodes()).peekable();
+        self.changed.clear();
+        if changed.peek().is_none() {
+            return;
         }
-        for node in changed.map(|node| node as usize).filter(|&node| node < matrix.nodes()) {
-            let row = self.row_of_node[node] as usize;
-            self.mark(row);
-            self.take_weights(row, matrix.row(node));
-            self.diagonal[row] = matrix.diagonal(node);
-            self.link_sums[row] = matrix.link_weight(node);
-            if std::mem::replace(&mut self.fixed[row], fixed[node]) != fixed[node] {
-                for entry in self.entries(row) {
-                    self.mark(self.pattern.columns()[entry] as usize);
+        let Self { row_of_node, pattern, weights, diagonal, link_sums, .. } = self;
+        let (is_fixed, links, rows) = (&mut self.fixed, &mut self.links, &mut self.changed);
+        let (row_of_node, pattern) = (&*row_of_node, &**pattern);
+        let take_rows = || {
+            changed.for_each(|node| {
+                let row = row_of_node[node] as usize;
+                rows.insert(row);
+                take_weights(
+                    pattern,
+                    weights,
+                    row,
+                    matrix.row(node).map(|(other, w)| (row_of_node[other], w)),
+                );
+                diagonal[row] = matrix.diagonal(node);
+                link_sums[row] = matrix.link_weight(node);
+                if std::mem::replace(&mut is_fixed[row], fixed[node]) != fixed[node] {
+                    let around = &pattern.columns()[pattern.entries(row)];
+                    around.iter().for_each(|&other| rows.insert(other as usize));
                 }
-            }
-        }
-        self.changed.sort_unstable();
-        if !self.changed.is_empty() {
-            self.links.clear();
-            self.links.extend(matrix.links().zip(0..).map(|((node, object_row, weight), place)| RowLink {
-                row: self.row_of_node[node],
+            });
+            rows.sort();
+        };
+        let take_links = || {
+            links.clear();
+            links.extend(matrix.links().zip(0..).map(|((node, object_row, weight), place)| RowLink {
+                row: row_of_node[node],
                 object_row: object_row as u32,
                 weight,
                 place,
             }));
-            self.links.sort_unstable_by_key(|link| (link.row, link.place));
-        }
-    }
-
-    /// The weights to the neighbours, in the order of the matrix.
-    fn take_weights(&mut self, row: usize, neighbours: impl Iterator<Item = (usize, f64)>) {
-        let pattern = &self.pattern;
-        let [mut lower, mut higher, mut far] = [pattern.lower(row), pattern.higher(row), pattern.far(row)];
-        for (other, weight) in neighbours {
-            let entry = match pattern.part(row, self.row_of_node[other] as usize) {
-                Part::Lower => lower.next(),
-                Part::Higher => higher.next(),
-                Part::Far => far.next(),
-            };
-            entry.into_iter().for_each(|entry| self.weights[entry] = weight);
-        }
-    }
-
-    fn mark(&mut self, row: usize) {
-        if !std::mem::replace(&mut self.marked[row], true) {
-            self.changed.push(row as u32);
-        }
+            links.sort_unstable_by_key(|link| (link.row, link.place));
+        };
+        workers.both(take_rows, take_links);
     }
 
     /// Rows whose values or state, or whose neighbours' state, the last refresh changed.
     pub(super) fn changed(&self) -> &[u32] {
-        &self.changed
+        self.changed.numbers()
     }
 
     pub(super) fn fixed(&self) -> &[bool] {
@@ -222,6 +215,25 @@ impl Rows {
         }
         product
     }
+}
+
+/// Takes over the weights of a row to its neighbours, in the order of the matrix.
+fn take_weights(
+    pattern: &Pattern,
+    weights: &mut [f64],
+    row: usize,
+    neighbours: impl Iterator<Item = (u32, f64)>,
+) {
+    let [mut lower, mut higher, mut far] = [pattern.lower(row), pattern.higher(row), pattern.far(row)];
+    let block = pattern.block_of(row);
+    neighbours.for_each(|(other, weight)| {
+        let entry = match (block.contains(&(other as usize)), (other as usize) < row) {
+            (false, _) => far.next(),
+            (true, true) => lower.next(),
+            (true, false) => higher.next(),
+        };
+        entry.into_iter().for_each(|entry| weights[entry] = weight);
+    });
 }
 
 /// sum += weight x.

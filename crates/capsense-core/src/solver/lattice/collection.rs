@@ -6,7 +6,7 @@ use super::coarsening::{Taken, take_over};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
 use super::stage::Stage;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
 use std::ops::Range;
 

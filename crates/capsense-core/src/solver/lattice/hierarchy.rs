@@ -12,8 +12,8 @@ use super::network::{Changed, Network};
 use super::stencil::Stencil;
 use super::transfer::Transfer;
 use crate::mesh::Lattice;
-use crate::solver::workers::Workers;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use pulp::Arch;
 
 /// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.

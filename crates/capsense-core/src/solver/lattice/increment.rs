@@ -117,6 +117,20 @@ impl Sums {
         self.squares[t] += q * q - q_before * q_before;
     }
 
+    /// The residual of a node in column t is another; `d` tells all columns there, and its charge stays.
+    pub(super) fn change_residual(
+        &mut self,
+        t: usize,
+        d: impl Fn(usize) -> f64,
+        [now, before]: [f64; 2],
+        charge: f64,
+    ) {
+        for s in 0..self.columns {
+            self.with_residuals[s * self.columns + t] += d(s) * (now - before);
+        }
+        self.crossed[t] += charge * (now - before);
+    }
+
     /// How far a column should go, nowhere if that gains next to nothing of its energy.
     fn length(&self, column: usize, energy: f64) -> f64 {
         let own = column * self.columns + column;
@@ -192,6 +206,11 @@ impl Increment {
         let follows = self.worth >= WORTHWHILE || self.without >= LOOK_AFTER;
         self.without = if follows { 0 } else { self.without + 1 };
         follows
+    }
+
+    /// How far a column with such an energy would go if it went now.
+    pub(super) fn length(&self, column: usize, energy: f64) -> f64 {
+        if self.is_known { self.sums.length(column, energy) } else { 0.0 }
     }
 
     /// The state's energies were computed anew, without it.

@@ -41,7 +41,11 @@ impl Layout {
     pub(super) fn new(counts: [usize; 3], margin: [usize; 2]) -> Self {
         let [nx, ny, _] = counts;
         let row = nx / 2;
-        let plane = (ny * row + ny.div_ceil(2) + 2 + 2 * BLOCK).next_multiple_of(BLOCK);
+        let nodes = (ny - 1) * row + (nx + ny) / 2 + 1;
+        // Whole blocks, or rows of nodes of either colour in whole blocks, are written up to the last row that is not fixed.
+        let last = ny - 1 - margin[0];
+        let written = last * row + (nx + last).div_ceil(2) + BLOCK + BLOCK / 2;
+        let plane = nodes.max(written).next_multiple_of(BLOCK);
         Self { counts, margin, columns: 1, row, column: plane, plane }
     }
 
@@ -50,10 +54,16 @@ impl Layout {
         Self { columns, plane: columns * self.column, ..self }
     }
 
-    /// Room for all values of one colour, and one plane more at either end.
+    /// Room for all values of one colour, and for what is read beside planes that are not fixed.
     pub(super) fn len(&self) -> usize {
         let nz = self.counts[2];
-        (nz + 2) * self.plane + nz / 2 + 4 * BLOCK
+        (nz + 2 - 2 * self.margin[1]) * self.plane + nz / 2 + 4 * BLOCK
+    }
+
+    /// The room for planes before plane k.
+    #[inline(always)]
+    fn before(&self, k: usize) -> usize {
+        (k + 1 - self.margin[1]) * self.plane
     }
 
     /// Zeros at every node.
@@ -65,7 +75,7 @@ impl Layout {
     #[inline(always)]
     pub(super) fn place(&self, [i, j, k]: [usize; 3]) -> (usize, usize) {
         let sum = i + j + k;
-        (sum % 2, BLOCK + sum / 2 + j * self.row + (k + 1) * self.plane)
+        (sum % 2, BLOCK + sum / 2 + j * self.row + self.before(k))
     }
 
     /// The indices along the axes of a node by its number.
@@ -92,7 +102,7 @@ impl Layout {
     pub(super) fn plane(&self, k: usize) -> Range<usize> {
         let [nx, ny, _] = self.counts;
         let (first, last) = (self.margin[0], ny - 1 - self.margin[0]);
-        let plane = BLOCK + (k + 1) * self.plane;
+        let plane = BLOCK + self.before(k);
         let start = plane + (first + k) / 2 + first * self.row;
         let end = plane + (nx - 1 + last + k) / 2 + last * self.row + 1;
         start..start + (end - start).next_multiple_of(BLOCK)
@@ -114,18 +124,18 @@ impl Layout {
     /// Where memory may be cut between a plane and the one before: all that is computed of a plane and all that is read
     /// beside it, one plane away, is on the same side.
     pub(super) fn cut(&self, k: usize) -> usize {
-        BLOCK / 2 + k / 2 + (k + 1) * self.plane
+        BLOCK / 2 + k / 2 + self.before(k)
     }
 
     /// Where the neighbours, all of the other colour, of a node at a place are: along x, y and z, the previous and the
-    /// next.
+    /// next. Beyond planes that are fixed there may be no room; what is told then is no node's place.
     #[inline(always)]
     pub(super) fn around(&self, colour: usize, at: usize) -> [usize; 6] {
         let [row, plane] = [self.row, self.plane];
-        match colour {
-            RED => [at - 1, at, at - row - 1, at + row, at - plane - 1, at + plane],
-            _ => [at, at + 1, at - row, at + row + 1, at - plane, at + plane + 1],
-        }
+        let [west, south, below] = if colour == RED { [1, row + 1, plane + 1] } else { [0, row, plane] };
+        let (north, above) = (at - west + row + 1, at - west + plane + 1);
+        let [south, below] = [south, below].map(|distance| at.saturating_sub(distance));
+        [at - west, at - west + 1, south, north, below, above.min(self.len() - 1)]
     }
 
     /// The neighbours' values of `n` nodes from a place on, given all of the other colour.
@@ -139,7 +149,7 @@ impl Layout {
     #[inline(always)]
     pub(super) fn shift(&self, colour: usize, k: usize) -> usize {
         let skew = if colour == RED { k.div_ceil(2) } else { k / 2 };
-        BLOCK + skew + (k + 1) * self.plane
+        BLOCK + skew + self.before(k)
     }
 }
 
@@ -147,20 +157,30 @@ impl Layout {
 mod tests {
     use super::*;
 
-    const COUNTS: [[usize; 3]; 5] = [[5, 4, 3], [6, 7, 5], [3, 3, 3], [9, 2, 4], [8, 9, 12]];
+    const COUNTS: [[usize; 3]; 7] =
+        [[5, 4, 3], [6, 7, 5], [3, 3, 3], [9, 2, 4], [8, 9, 12], [33, 5, 4], [17, 16, 3]];
+
+    /// Layouts of all these counts, with and without margins, with one column and with three.
+    fn layouts() -> impl Iterator<Item = Layout> {
+        let margins = [[0, 0], [0, 1], [1, 0], [1, 1]];
+        let of_nodes = COUNTS.into_iter().flat_map(move |counts| margins.map(|m| Layout::new(counts, m)));
+        of_nodes.flat_map(|layout| [layout, layout.with_columns(3)])
+    }
 
     #[test]
     fn every_node_has_a_place_of_its_own_and_neighbours_where_they_should_be() {
-        for (counts, columns) in COUNTS.into_iter().flat_map(|counts| [(counts, 1), (counts, 3)]) {
-            let layout = Layout::new(counts, [0, 0]).with_columns(columns);
+        for layout in layouts() {
+            let (counts, columns) = (layout.counts, layout.columns);
             let mut taken = std::collections::BTreeSet::new();
             let nodes = counts.into_iter().product();
             for at in (0..nodes).map(|node| layout.indices(node)) {
                 let (colour, place) = layout.place(at);
+                let is_free = layout.rows().contains(&at[1]) && layout.planes().contains(&at[2]);
                 for column in 0..columns {
                     let place = layout.in_column(column, place);
                     assert!(taken.insert((colour, place)), "{at:?}");
-                    assert!(place < layout.len() && layout.plane_of(column, at[2]).contains(&place));
+                    assert!(place < layout.len());
+                    assert!(!is_free || layout.plane_of(column, at[2]).contains(&place));
                 }
                 let around = layout.around(colour, place);
                 for (side, neighbour) in around.into_iter().enumerate() {
@@ -171,6 +191,7 @@ mod tests {
                     } else if !next && at[axis] > 0 {
                         beside[axis] -= 1;
                     } else {
+                        assert!(neighbour < layout.len());
                         continue;
                     }
                     assert_eq!(layout.place(beside), (1 - colour, neighbour), "{at:?} {side}");
@@ -181,17 +202,31 @@ mod tests {
 
     #[test]
     fn memory_can_be_cut_between_planes() {
-        for (counts, columns) in COUNTS.into_iter().flat_map(|counts| [(counts, 1), (counts, 3)]) {
-            let layout = Layout::new(counts, [0, 0]).with_columns(columns);
-            for k in 1..counts[2] {
-                let plane = layout.plane_of(columns - 1, k - 1);
+        for layout in layouts() {
+            let planes = layout.planes();
+            for k in planes.start + 1..planes.end {
+                let plane = layout.plane_of(layout.columns - 1, k - 1);
                 assert!(plane.end <= layout.cut(k) && layout.cut(k) <= layout.plane(k).start);
                 for colour in [RED, BLACK] {
                     // Of the plane before the cut, those after it are read, and the other way round.
                     let [.., below, _] = layout.around(colour, layout.plane(k).start);
                     let [.., above] = layout.around(colour, plane.end - 1);
-                    assert!(below >= layout.cut(k - 1) && above < layout.cut(k + 1), "{counts:?} {k}");
+                    assert!(below >= layout.cut(k - 1) && above < layout.cut(k + 1), "{layout:?} {k}");
                 }
+            }
+        }
+    }
+
+    /// Rows are written in whole blocks of nodes of either colour: the last of a column before any of the next is read.
+    #[test]
+    fn rows_may_be_written_in_whole_blocks() {
+        for layout in layouts() {
+            let (rows, n) = (layout.rows(), layout.counts[0].next_multiple_of(2 * BLOCK) / 2);
+            for k in layout.planes().filter(|_| !rows.is_empty()) {
+                let end = layout.place([1, rows.end - 1, k]).1 + n;
+                let next = layout.in_column(1, layout.place([0, 0, k]).1);
+                assert!(end <= next && layout.in_column(layout.columns - 1, end) <= layout.cut(k + 1));
+                assert!(layout.plane(k).end <= next, "{layout:?} {k}");
             }
         }
     }

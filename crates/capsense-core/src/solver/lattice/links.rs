@@ -72,6 +72,12 @@ impl ObjectLinks {
         }
     }
 
+    /// Σ weight times potential over the links of a node, in a column.
+    pub(super) fn pull(&self, column: usize, columns: usize, Place { colour, at, .. }: Place) -> f64 {
+        let links = self.between(colour, &(at..at + 1));
+        links.iter().map(|link| link.weight * self.potentials[link.object * columns + column]).sum()
+    }
+
     /// Those of nodes of one colour at some places.
     pub(super) fn between(&self, colour: usize, places: &Range<usize>) -> &[ObjectLink] {
         let extent = &self.extents[colour];

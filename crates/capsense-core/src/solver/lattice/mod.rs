@@ -22,6 +22,7 @@ mod precision;
 mod products;
 mod prolongation;
 mod refreshed;
+mod relaxation;
 mod restriction;
 mod rows;
 mod shares;
@@ -33,10 +34,10 @@ mod walk;
 
 use super::islands::Islands;
 use super::operator::State;
-use super::workers::Workers;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use crate::workers::Workers;
 use charges::NodeCharges;
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
@@ -48,6 +49,7 @@ use parts::Parts;
 use potentials::Potentials;
 use pulp::Arch;
 use refreshed::Refreshed;
+use relaxation::Room;
 use sums::PIECE;
 
 #[cfg(test)]
@@ -87,6 +89,7 @@ pub(crate) struct LatticeSolver {
     held: Held,
     /// Room for one node.
     node: NodeCharges,
+    room: Room,
     /// How threads share the planes, and storage for each.
     parts: Parts,
     charges: Vec<Vec<f32>>,
@@ -132,6 +135,7 @@ impl LatticeSolver {
             of_free: vec![0.0; columns * columns],
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
+            room: Room::new(columns),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,
@@ -253,7 +257,18 @@ impl LatticeSolver {
             changed
         };
         let Self {
-            arch, potentials, links, hierarchy, increment, of_free, held, state, node, workers, ..
+            arch,
+            potentials,
+            links,
+            hierarchy,
+            increment,
+            of_free,
+            held,
+            state,
+            node,
+            room,
+            workers,
+            ..
         } = self;
         let arch = *arch;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed);
@@ -266,11 +281,14 @@ impl LatticeSolver {
         };
         workers.both(finest, besides);
         let (finest, coarser) = hierarchy.split();
-        let (potentials, links) = (&*potentials, &*links);
+        let links = &*links;
         let residuals = || {
             increment.forget_energies();
-            let mut rows = Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, node };
+            let mut rows =
+                Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, node, room };
             changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
+            rows.relax(changed);
+            let Refreshed { potentials, finest, of_free, state, node, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
         workers.both(|| coarser.refresh(workers, arch), residuals);

@@ -5,8 +5,8 @@ use super::rows::single;
 use pulp::Simd;
 use std::ops::Range;
 
-/// A 7-point network in single precision. Rows are padded to whole blocks, and all arrays by one plane at either end;
-/// padding is zero. Edges that would lead out of the lattice have the weight zero, so nodes need not know whether they
+/// A 7-point network in single precision. Rows are padded to whole blocks, and all arrays by one plane before the first and
+/// by what is behind the last row's last node; padding is zero. Edges that would lead out of the lattice have the weight zero, so nodes need not know whether they
 /// are at its end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Network {
@@ -24,7 +24,7 @@ impl Network {
     pub(super) fn new(counts: [usize; 3]) -> Self {
         let [nx, ny, nz] = counts;
         let row = nx.next_multiple_of(BLOCK);
-        let zeros = || vec![0.0; row * ny * (nz + 2)];
+        let zeros = || vec![0.0; row * ny * (nz + 1) + BLOCK];
         Self { counts, strides: [1, row, row * ny], next: [zeros(), zeros(), zeros()], leak: zeros() }
     }
 

@@ -6,12 +6,13 @@ use super::layout::Layout;
 use super::level::Level;
 use super::links::ObjectLinks;
 use super::potentials::Potentials;
+use super::relaxation::Room;
 use crate::solver::operator::State;
 
 /// What changed rows change.
 pub(super) struct Refreshed<'a> {
     pub(super) of_nodes: Layout,
-    pub(super) potentials: &'a Potentials,
+    pub(super) potentials: &'a mut Potentials,
     pub(super) links: &'a ObjectLinks,
     pub(super) finest: &'a mut Level,
     pub(super) increment: &'a mut Increment,
@@ -19,6 +20,7 @@ pub(super) struct Refreshed<'a> {
     pub(super) state: &'a mut State,
     /// Room for one node.
     pub(super) node: &'a mut NodeCharges,
+    pub(super) room: &'a mut Room,
 }
 
 impl Refreshed<'_> {

@@ -13,7 +13,7 @@ use super::collection::{Made, Room, TASKS_OF_A_THREAD};
 use super::layout::Layout;
 use super::network::{Changed, Network, place};
 use super::shares::Shares;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::Arch;
 use std::ops::Range;
 

@@ -13,7 +13,7 @@ use super::parts::{Parts, cut_both};
 use super::prolongation::{Behind, Nothing, Prolongation};
 use super::restriction::Restriction;
 use super::stage::Stage;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::Arch;
 
 /// How a level is made coarser, with storage for each thread.

@@ -12,7 +12,7 @@ use super::precision::{Leaking, Network};
 use super::prolongation::Behind;
 use super::sums::{Equations, Fields, Nodes, PIECE, Sums};
 use crate::solver::operator::State;
-use crate::solver::workers::Workers;
+use crate::workers::Workers;
 use pulp::{Arch, Simd, WithSimd};
 
 impl LatticeSolver {

@@ -5,7 +5,7 @@
 
 use super::super::columns::add;
 use super::level::{Level, Vectors};
-use crate::solver::workers::{Workers, vectorised};
+use crate::workers::{Workers, vectorised};
 
 /// Number of rows that one task takes: a coarse level has few.
 const TASK_ROWS: usize = 1024;

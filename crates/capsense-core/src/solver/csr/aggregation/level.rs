@@ -7,7 +7,7 @@ use super::super::columns::add as add_double;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
 use super::transfer::Transfer;
-use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
+use crate::workers::{TASK_ROWS, Workers, vectorised};
 use std::ops::Range;
 use std::sync::Arc;
 

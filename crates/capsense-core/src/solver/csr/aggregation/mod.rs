@@ -12,7 +12,7 @@ mod transfer;
 
 use super::columns::add;
 use super::rows::Rows;
-use crate::solver::workers::{TASK_ROWS, Workers, vectorised};
+use crate::workers::{TASK_ROWS, Workers, vectorised};
 use coarsest::Coarsest;
 pub(super) use level::Gains;
 use level::{Level, Own, Residual, Vectors};

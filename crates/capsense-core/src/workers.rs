@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Number of rows that one task takes. Sums are made by task and added in the order of the rows.
-pub(super) const TASK_ROWS: usize = 4096;
+pub(crate) const TASK_ROWS: usize = 4096;
 
 /// Fewer rows are not worth the threads.
 const WORTHWHILE: usize = 20_000;
@@ -30,13 +30,13 @@ const LOOKS_AT_HELPERS: usize = 32;
 /// Does work that the compiler can vectorise with the widest instructions of this machine. Not one of them fuses or
 /// reorders operations, so the result is the same on every machine. The work must be an `#[inline(always)]` closure.
 #[inline(always)]
-pub(super) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
 /// The threads that share the work; none when one is to do it all.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Workers {
+pub(crate) struct Workers {
     team: Option<Arc<Team>>,
 }
 
@@ -67,7 +67,7 @@ pub(crate) struct Awake(Option<Arc<Team>>);
 
 impl Workers {
     /// So many threads for so many rows. Where they cannot be had, the calling thread does the work.
-    pub(super) fn new(threads: usize, rows: usize) -> Self {
+    pub(crate) fn new(threads: usize, rows: usize) -> Self {
         let helpers = if rows >= WORTHWHILE { threads.saturating_sub(1) } else { 0 };
         let pool = (helpers > 0)
             .then(|| rayon::ThreadPoolBuilder::new().num_threads(helpers).build().ok())
@@ -77,12 +77,12 @@ impl Workers {
     }
 
     /// How many threads there are, the calling one included.
-    pub(super) fn threads(&self) -> usize {
+    pub(crate) fn threads(&self) -> usize {
         self.team.as_ref().map_or(1, |team| 1 + team.pool.current_num_threads())
     }
 
     /// Wakes the helpers, without waiting for them.
-    pub(super) fn wake(&self) -> Awake {
+    pub(crate) fn wake(&self) -> Awake {
         if let Some(Team { pool, attendance }) = self.team.as_deref()
             && attendance.callers.fetch_add(1, Ordering::SeqCst) == 0
             && !attendance.is_awake.iter().all(|awake| awake.load(Ordering::SeqCst))
@@ -94,7 +94,7 @@ impl Workers {
     }
 
     /// Does two things that do not depend on each other. The calling thread does the first, which may share out its work.
-    pub(super) fn both(&self, first: impl FnOnce(), second: impl FnOnce() + Send) {
+    pub(crate) fn both(&self, first: impl FnOnce(), second: impl FnOnce() + Send) {
         match self.team.as_deref().filter(|team| team.claim(1) == 1) {
             None => {
                 first();
@@ -109,7 +109,7 @@ impl Workers {
     }
 
     /// Does the work for every task, which must not depend on each other.
-    pub(super) fn for_each<T: Send>(
+    pub(crate) fn for_each<T: Send>(
         &self,
         mut tasks: impl Iterator<Item = T> + Send,
         work: impl Fn(T) + Sync,
@@ -243,7 +243,7 @@ fn spin_while(holds: impl Fn() -> bool, act: impl Fn() -> bool) {
 #[cfg(test)]
 impl Workers {
     /// Wakes the helpers and waits for them.
-    pub(super) fn wake_all(&self) -> Awake {
+    pub(crate) fn wake_all(&self) -> Awake {
         let awake = self.wake();
         if let Some(Team { pool, attendance }) = self.team.as_deref() {
             spin_while(|| attendance.idle.load(Ordering::Acquire) < pool.current_num_threads(), || false);

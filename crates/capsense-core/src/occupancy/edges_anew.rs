@@ -1,0 +1,244 @@
+//! Edges that are coupled anew: what becomes of each follows from the scene alone, so threads share them.
+
+use super::coupling::{Coupling, EdgeRule};
+use super::near_field::{Row, Wedges};
+use super::scene::Scene;
+use super::{Contact, NO_OBJECT, Span};
+use crate::workers::Workers;
+
+/// So many edges keep a thread busy for ten times as long as it takes to hand them over.
+const EDGES_OF_A_TASK: usize = 128;
+
+/// So many tasks for each thread, as some take longer and some threads come later.
+const TASKS_OF_A_THREAD: usize = 4;
+
+/// Some edges, what becomes of them, and room for each task.
+#[derive(Clone, Debug, Default)]
+pub(super) struct EdgesAnew {
+    asked: Vec<Asked>,
+    found: Vec<Found>,
+    rooms: Vec<Room>,
+}
+
+/// An edge, and whether surfaces may cut it another way than before; otherwise only what is around it is another.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asked {
+    pub(super) edge: u32,
+    pub(super) is_cut_anew: bool,
+}
+
+/// What becomes of an edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    pub(super) ends: [u32; 2],
+    pub(super) coupling: Coupling,
+    /// Whether an object meets the edge, or more than what is on it tells what it is without what is around it.
+    pub(super) is_met: bool,
+}
+
+impl Found {
+    const NOTHING: Self = Self { ends: [0; 2], coupling: Coupling::PLAIN, is_met: false };
+}
+
+/// What it follows from.
+#[derive(Clone, Copy)]
+pub(super) struct Sight<'a> {
+    pub(super) scene: &'a Scene<'a>,
+    pub(super) wedges: &'a Wedges,
+    /// The conductor that holds each node.
+    pub(super) conductor: &'a [u16],
+}
+
+/// Storage for one task.
+#[derive(Clone, Debug, Default)]
+struct Room {
+    /// Objects that the edge at hand passes through.
+    spans: Vec<(u16, Span)>,
+    /// The same for lines parallel to it.
+    beside: Vec<(u16, Span)>,
+    breaks: Vec<f64>,
+    row: Row,
+    /// Conductors that touch electrodes, with the edges on which they do.
+    contacts: Vec<(u32, Contact)>,
+}
+
+impl EdgesAnew {
+    /// None yet, for so many threads.
+    pub(super) fn start(&mut self, workers: &Workers) {
+        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+        self.rooms.resize_with(tasks, Room::default);
+        self.asked.clear();
+    }
+
+    /// What becomes of an edge, if a single thread does it all; else the edge is kept for [`EdgesAnew::find`].
+    #[inline]
+    pub(super) fn ask(&mut self, sight: Sight<'_>, asked: Asked) -> Option<Found> {
+        if let [room] = &mut self.rooms[..] {
+            return Some(room.look(sight, asked));
+        }
+        self.asked.push(asked);
+        None
+    }
+
+    /// Whether there is no room for more.
+    pub(super) fn is_full(&self) -> bool {
+        self.asked.len() >= EDGES_OF_A_TASK * self.rooms.len()
+    }
+
+    /// Finds out what becomes of all edges that are kept.
+    pub(super) fn find(&mut self, workers: &Workers, sight: Sight<'_>) {
+        self.found.resize(self.asked.len(), Found::NOTHING);
+        let edges = self.asked.chunks(EDGES_OF_A_TASK).zip(self.found.chunks_mut(EDGES_OF_A_TASK));
+        workers.for_each(edges.zip(&mut self.rooms), |((asked, found), room)| {
+            asked.iter().zip(found).for_each(|(asked, found)| *found = room.look(sight, *asked));
+        });
+    }
+
+    /// The edges that were kept with what becomes of them, each told once.
+    pub(super) fn take(&mut self) -> impl Iterator<Item = (Asked, Found)> {
+        self.asked.drain(..).zip(self.found.iter().copied())
+    }
+
+    /// Conductors that touch electrodes on these edges, each told once.
+    pub(super) fn contacts(&mut self) -> impl Iterator<Item = (u32, Contact)> {
+        self.rooms.iter_mut().flat_map(|room| room.contacts.drain(..))
+    }
+}
+
+impl Room {
+    /// Applies the edge rule to an edge.
+    #[inline]
+    fn look(&mut self, sight: Sight<'_>, Asked { edge, is_cut_anew }: Asked) -> Found {
+        let Sight { scene, conductor, .. } = sight;
+        let edge = edge as usize;
+        let ends = scene.mesh.edges.ends_of_existing(edge);
+        let Self { spans, beside, breaks, contacts, .. } = self;
+        if !is_cut_anew {
+            if let Some(coupling) = sight.wedges.link_alone(edge, ends) {
+                return Found { ends, coupling, is_met: false };
+            }
+            spans.clear();
+            let coupling = self.look_around(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
+            return Found { ends, coupling, is_met: false };
+        }
+        scene.find_spans(ends, spans);
+        for contact in scene.contacts(ends, spans) {
+            contacts.push((edge as u32, contact));
+        }
+        let owners = ends.map(|node| conductor[node as usize]);
+        let is_free = owners == [NO_OBJECT; 2];
+        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        if let Some(through) = parallel.flatten() {
+            return Found { ends, coupling: Coupling::only_through(through), is_met: true };
+        }
+        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
+        let in_face = in_face.flatten();
+        let mut is_met = in_face.is_some() || !spans.is_empty() || !is_free;
+        let cut = match in_face {
+            Some(through) => Coupling::only_through(through),
+            None => {
+                let background = scene.mesh.permittivity.at(edge);
+                let rule = EdgeRule { owners, spans, materials: scene.materials, background };
+                let mut cut = rule.coupling(breaks);
+                if scene.has_camera_walls {
+                    cut = scene.at_camera_wall((edge, ends), conductor, spans, cut);
+                    is_met |= cut != Coupling::PLAIN;
+                }
+                cut
+            }
+        };
+        Found { ends, coupling: self.look_around(sight, (edge, ends), owners, cut), is_met }
+    }
+
+    /// What the edge rule makes of an edge, its spans being those found last, and what is around it.
+    #[inline]
+    fn look_around(
+        &mut self,
+        Sight { scene, wedges, .. }: Sight<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        owners: [u16; 2],
+        cut: Coupling,
+    ) -> Coupling {
+        let covered = if wedges.may_be_beside(ends, owners) {
+            let Self { spans, beside, breaks, row, .. } = self;
+            let star = wedges.star(ends[0] as usize, row);
+            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
+        } else {
+            cut
+        };
+        match wedges.between(ends) {
+            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
+            None => covered,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Aabb, Pose, Shape};
+    use crate::material::{Connection, Material, RelativePermittivity};
+    use crate::mesh::{Lattice, TetMesh};
+    use crate::occupancy::{EdgeGeometry, Occupancy};
+    use crate::sensor::{FREE, Terminal};
+    use crate::solids::Solids;
+    use crate::stiffness::EdgeNetwork;
+    use glam::DVec3;
+
+    /// More edges than are asked for at once, some of which a conductor, a strong and a weak dielectric meet; the first covers
+    /// electrodes.
+    #[test]
+    fn threads_share_edges_without_a_trace() {
+        let domain = Aabb { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) };
+        let lattice = Lattice::uniform(domain, [24, 24, 24]).unwrap();
+        let mesh = lattice.to_tet_mesh().unwrap();
+        let of_lattice = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+        share_without_a_trace(&mesh, &of_lattice);
+        share_without_a_trace(&mesh, &EdgeNetwork::assemble(&mesh));
+    }
+
+    fn share_without_a_trace(mesh: &TetMesh, network: &EdgeNetwork) {
+        let electrode = |node: &DVec3| match node.z.abs() < 0.01 && node.x.abs() < 0.1 {
+            true => 1 + (24.0 * (node.y + 0.5)).round() as Terminal,
+            false => FREE,
+        };
+        let terminals: Vec<Terminal> = mesh.nodes().iter().map(electrode).collect();
+        let edges = network.edges();
+        let geometry = EdgeGeometry {
+            nodes: mesh.nodes(),
+            terminals: &terminals,
+            edges,
+            permittivity: network.permittivity(),
+        };
+        let dielectric = |value| Material::Dielectric(RelativePermittivity::new(value).unwrap());
+        let materials = [Material::Conductor(Connection::Grounded), dielectric(80.0), dielectric(1.5)];
+        let shapes = [0.4, 0.3, 0.5].map(|edge| Shape::Box { size: DVec3::new(edge, 0.7, 0.2) });
+        let mut solids = Solids::new(&shapes).unwrap();
+        let team = Workers::new(3, 1_000_000);
+        let _awake = team.wake_all();
+        let fresh = || {
+            Occupancy::empty(mesh.nodes().len(), edges.len()).with_weights(
+                mesh,
+                edges,
+                network.weights(),
+                true,
+            )
+        };
+        let (mut alone, mut shared) = (fresh(), fresh());
+        for frame in 0..4 {
+            let at = 0.017 * f64::from(frame);
+            let poses =
+                [DVec3::new(at, 0.01, 0.09), DVec3::new(-0.3, at, 0.2), DVec3::new(0.1, 0.0, -0.3 - at)];
+            solids.place(&poses.map(Pose::at)).unwrap();
+            alone.update(geometry, &materials, &solids);
+            shared.update_with(&team, geometry, &materials, &solids);
+            assert!(alone.changed_edges().len() > 2 * EDGES_OF_A_TASK, "{}", alone.changed_edges().len());
+            assert!(alone.contacts().len() > 10, "{:?}", alone.contacts());
+            assert_eq!(alone.contacts(), shared.contacts());
+            assert_eq!(alone.replaced_couplings(), shared.replaced_couplings());
+            assert_eq!(alone.couplings(), shared.couplings());
+            assert_eq!(alone.linked_edges(), shared.linked_edges());
+            assert_eq!(alone.conductors(), shared.conductors());
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Edges near which surfaces are others than before: finding them is most of an update on meshes that are no lattice, so threads
+//! share the regions.
+
+use super::index_set::IndexSet;
+use super::{EdgeGeometry, parallel};
+use crate::geometry::Aabb;
+use crate::workers::Workers;
+
+/// Fewer regions are not worth handing over.
+const REGIONS_OF_A_TASK: usize = 8;
+
+/// Sets for each thread, as some regions have more edges and some threads come later.
+const TASKS_OF_A_THREAD: usize = 2;
+
+/// A set of edges, in the making one for each task.
+#[derive(Clone, Debug, Default)]
+pub(super) struct EdgesNear {
+    edges: usize,
+    marked: IndexSet,
+    others: Vec<IndexSet>,
+}
+
+impl EdgesNear {
+    /// None, with numbers below a bound.
+    pub(super) fn below(edges: usize) -> Self {
+        Self { edges, marked: IndexSet::below(edges), others: Vec::new() }
+    }
+
+    /// Marks the edges near regions; up to the next planes of a lattice if what is beside an edge counts.
+    pub(super) fn mark(
+        &mut self,
+        workers: &Workers,
+        mesh: &EdgeGeometry<'_>,
+        regions: &[Aabb],
+        looks_beside: bool,
+    ) {
+        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+        self.others.resize_with(tasks - 1, || IndexSet::below(self.edges));
+        let size = regions.len().div_ceil(tasks).max(REGIONS_OF_A_TASK);
+        let sets = std::iter::once(&mut self.marked).chain(&mut self.others);
+        workers.for_each(regions.chunks(size).zip(sets), |(regions, set)| {
+            for region in regions {
+                mesh.edges.for_edges_near(mesh.nodes, region, |edge, _| set.insert(edge));
+            }
+            for region in regions.iter().filter(|_| looks_beside) {
+                let around = parallel::up_to_planes(mesh.edges, region, 0..3);
+                mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| set.insert(edge));
+            }
+        });
+        self.others.iter_mut().for_each(|other| self.marked.unite(other));
+    }
+
+    /// Those marked.
+    pub(super) fn marked(&mut self) -> &mut IndexSet {
+        &mut self.marked
+    }
+}

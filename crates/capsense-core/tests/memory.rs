@@ -1,0 +1,59 @@
+//! What a simulator keeps once frames have been solved, the mesh included: so many bytes a tetrahedron and no more.
+
+#![allow(clippy::unwrap_used, missing_docs)]
+
+#[path = "common/allocations.rs"]
+mod allocations;
+mod common;
+
+use allocations::BYTES;
+use capsense_core::electrode::{Electrode, Outline};
+use capsense_core::geometry::Aabb;
+use capsense_core::glam::{DVec2, DVec3};
+use capsense_core::material::Connection;
+use capsense_core::sensor::{Sensor, SensorDesign, Wall};
+use capsense_core::simulator::Simulator;
+use capsense_core::solver::SolverOptions;
+use common::{bar, conductor, depth_of_boxes};
+use std::sync::atomic::Ordering;
+
+/// Most bytes a tetrahedron.
+const ON_LATTICE: f64 = 120.0;
+const ON_ANY_MESH: f64 = 500.0;
+
+/// Three electrodes, on a mesh that a scene of so many tetrahedra at most would have.
+fn sensor(tets: usize) -> Sensor {
+    let electrode = |y| {
+        let outline = Outline::Rectangle { center: DVec2::new(0.0, y), size: DVec2::new(0.1, 0.02) };
+        Electrode { name: format!("E{y}"), outline, z: 0.0 }
+    };
+    let design = SensorDesign {
+        domain: Aabb { min: DVec3::new(-0.25, -0.25, -0.05), max: DVec3::new(0.25, 0.25, 0.45) },
+        electrodes: [-0.03, 0.0, 0.03].map(electrode).to_vec(),
+        substrate: None,
+        wall: Wall::Grounded,
+    };
+    Sensor::on_lattice(&design, &design.lattice(tets).unwrap()).unwrap()
+}
+
+/// Bytes a tetrahedron of a simulator that has seen a bar come nearer for five frames.
+fn bytes(sensor: impl FnOnce() -> Sensor) -> f64 {
+    let before = BYTES.load(Ordering::Relaxed);
+    let options = SolverOptions { threads: Some(1), ..SolverOptions::default() };
+    let mut simulator = Simulator::new(sensor(), vec![conductor(Connection::Grounded)], options).unwrap();
+    for frame in 0..5 {
+        let seen = depth_of_boxes([64, 64], &[bar(0.11 - 1e-3 * f64::from(frame), 0.0)]);
+        let _ = simulator.step(&seen).unwrap();
+    }
+    let after = BYTES.load(Ordering::Relaxed);
+    (after - before) as f64 / simulator.sensor().mesh().tets().len() as f64
+}
+
+#[test]
+fn a_simulator_keeps_so_many_bytes_a_tetrahedron() {
+    let on_lattice = bytes(|| sensor(30_000));
+    let on_any_mesh = bytes(|| sensor(30_000).off_lattice());
+    eprintln!("bytes a tetrahedron: {on_lattice:.1} on a lattice, {on_any_mesh:.1} on any mesh");
+    assert!(on_lattice < ON_LATTICE, "{on_lattice}");
+    assert!(on_any_mesh < ON_ANY_MESH, "{on_any_mesh}");
+}
