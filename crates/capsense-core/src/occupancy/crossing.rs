@@ -124,7 +124,8 @@ impl DepthLayers {
         found
     }
 
-    /// Where that walk first meets an object, if it is inside as soon as a pixel starts: where surfaces are interpolated, it is not.
+    /// Where that walk first meets an object along a row or a column of the image, if it is inside as soon as a pixel starts: where
+    /// surfaces are interpolated, it is not. `a` and `b` are as deep. Pixels that miss the object are passed over at once.
     pub(super) fn first_wall_between(
         &self,
         object: usize,
@@ -133,75 +134,51 @@ impl DepthLayers {
         depths: [f64; 2],
     ) -> Option<LayerWall> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
+        let line = self.line(object, uv)?;
+        let first_hit = line.first_hit()?;
         let mut borders = HalfPixelBorders::between(uv);
-        let mut start = self.pass_misses(object, uv, &mut borders);
+        let mut start = 0.0;
+        if first_hit != line.first {
+            start = borders.axes[line.axis].pass(line.border_before(first_hit));
+        }
         while start < 1.0 {
             let end = borders.next_after(start);
             if let Some(piece) = self.piece(object, uv, [a.z, b.z], [start, end]) {
-                let middle = uv[0] + (uv[1] - uv[0]) * (0.5 * (start + end));
-                return (piece.enter == start).then(|| LayerWall {
-                    enter: start,
-                    slope: self.slope_behind(object, middle, uv[1] - uv[0], depths),
-                });
+                let middle = (uv[0] + (uv[1] - uv[0]) * (0.5 * (start + end)))[line.axis];
+                let pixel = (middle as i32).max(0) as usize;
+                return (piece.enter == start)
+                    .then(|| LayerWall { enter: start, slope: self.slope_behind(&line, pixel, depths) });
             }
             start = end;
         }
         None
     }
 
-    /// Passes over the pixels that miss an object at the start of a segment along rows or columns of the image; returns where on the
-    /// segment the first other one starts.
-    fn pass_misses(&self, object: usize, uv: [DVec2; 2], borders: &mut HalfPixelBorders) -> f64 {
+    /// The row or column of pixels that a segment leads along; `None` if that is outside of the image.
+    fn line(&self, object: usize, uv: [DVec2; 2]) -> Option<Line<'_>> {
         let way = uv[1] - uv[0];
         let axis = usize::from(way.y.abs() > way.x.abs());
         let counts = [self.view().width, self.view().height];
-        let pixels = uv.map(|uv| [0, 1].map(|axis| pixel_at(uv[axis], counts[axis]).map(|(pixel, _)| pixel)));
-        let [[Some(column), Some(row)], ends] = pixels else { return 0.0 };
-        let Some(last) = ends[axis] else { return 0.0 };
-        let strides = [1, counts[0]];
-        let [front, back] = [self.front(object), self.back(object)];
-        let base = row * counts[0] + column - [column, row][axis] * strides[axis];
-        let is_hit =
-            |pixel: &usize| front[base + pixel * strides[axis]] <= back[base + pixel * strides[axis]];
-        let first = [column, row][axis];
-        let hit = if first <= last { (first..=last).find(is_hit) } else { (last..=first).rev().find(is_hit) };
-        match hit {
-            Some(pixel) if pixel == first => 0.0,
-            Some(pixel) => borders.axes[axis].pass(2 * (pixel + usize::from(pixel < first))),
-            None => 1.0,
-        }
+        let pixel = |uv: DVec2, axis: usize| pixel_at(uv[axis], counts[axis]).map(|(pixel, _)| pixel);
+        let [first, last] = [pixel(uv[0], axis)?, pixel(uv[1], axis)?];
+        let stride = [1, counts[0]][axis];
+        let base = pixel(uv[0], 1 - axis)? * [1, counts[0]][1 - axis];
+        let layers = [self.front(object), self.back(object)];
+        Some(Line { layers, axis, stride, base, count: counts[axis], first, last })
     }
 
-    /// How steeply faces between two depths rise or fall from the pixel around a point to the next one along a way; zero where that
-    /// misses the object.
-    fn slope_behind(&self, object: usize, uv: DVec2, way: DVec2, depths: [f64; 2]) -> f64 {
-        let (width, height) = (self.view().width, self.view().height);
-        let (Some((column, _)), Some((row, _))) = (pixel_at(uv.x, width), pixel_at(uv.y, height)) else {
-            return 0.0;
-        };
-        let is_along_x = way.x.abs() > way.y.abs();
-        let next = |at: usize, way: f64, count: usize| {
-            let next = if way < 0.0 { at.checked_sub(1) } else { Some(at + 1) };
-            next.filter(|&next| next < count)
-        };
-        let pixel = self.view().pixel_size();
-        let (behind, size) = if is_along_x {
-            (next(column, way.x, width).map(|column| row * width + column), pixel.x)
-        } else {
-            (next(row, way.y, height).map(|row| row * width + column), pixel.y)
-        };
-        let Some(behind) = behind else { return 0.0 };
-        let own = row * width + column;
-        let [front, back] = [self.front(object), self.back(object)];
-        if front[behind] > back[behind] {
+    /// How steeply faces between two depths rise or fall from a pixel to the next one along a line; zero where that misses the
+    /// object.
+    fn slope_behind(&self, line: &Line<'_>, pixel: usize, [low, high]: [f64; 2]) -> f64 {
+        let behind = if line.first <= line.last { pixel + 1 } else { pixel.wrapping_sub(1) };
+        if behind >= line.count || !line.is_hit(behind) {
             return 0.0;
         }
-        let [low, high] = depths;
-        let rise = |layer: &[f32]| {
-            let z = f64::from(layer[own]);
-            if low < z && z < high { (f64::from(layer[behind]) - z).abs() } else { 0.0 }
+        let rise = |side: usize| {
+            let [z, next] = [pixel, behind].map(|pixel| f64::from(line.depth(side, pixel)));
+            if low < z && z < high { (next - z).abs() } else { 0.0 }
         };
-        rise(front).max(rise(back)) / size
+        rise(0).max(rise(1)) / self.view().pixel_size()[line.axis]
     }
 
     /// What an object fills of a part of a segment within half a pixel, from one parameter to another.
@@ -250,34 +227,33 @@ impl DepthLayers {
             return None;
         }
         let centre = DVec2::new(column as f64 + 0.5, row as f64 + 0.5);
-        let alone = |layer: &[f32]| [f64::from(layer[own]); 4];
-        let (Some(next_column), Some(next_row)) = (across, up) else {
-            return Some(Quarter { centre, front: alone(fronts), back: alone(backs) });
-        };
-        let corners =
-            [own, row * width + next_column, next_row * width + column, next_row * width + next_column];
+        // Beside the image there is no pixel to interpolate with.
+        let is_inner = across < width && up < height;
+        let beside = |next: usize, own: usize| if is_inner { next } else { own };
+        let (across, up) = (beside(across, column), beside(up, row));
+        let corners = [own, row * width + across, up * width + column, up * width + across];
         let jump = self.jump();
         let smooth = |layer: &[f32]| {
             let z = corners.map(|corner| layer[corner]);
-            let (low, high) = (z[0].min(z[1]).min(z[2].min(z[3])), z[0].max(z[1]).max(z[2].max(z[3])));
-            if high - low <= jump { z.map(f64::from) } else { alone(layer) }
+            let [low, high] = hull(hull([z[0]; 2], [z[1]; 2]), hull([z[2]; 2], [z[3]; 2]));
+            if high - low <= jump { z.map(f64::from) } else { [f64::from(z[0]); 4] }
         };
         Some(Quarter { centre, front: smooth(fronts), back: smooth(backs) })
     }
 }
 
-/// Along one axis, the pixel at a coordinate and, if there is one, the next pixel on the nearer side. Coordinates on
+/// Along one axis, the pixel at a coordinate and the next pixel on the nearer side, which may be none of the image. Coordinates on
 /// the rim of the image are in it, others outside are in none.
-fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, Option<usize>)> {
-    let end = count as f64;
-    if !(-MARGIN_IN_PIXELS..=end + MARGIN_IN_PIXELS).contains(&coordinate) {
+#[inline]
+fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, usize)> {
+    if !(-MARGIN_IN_PIXELS..=count as f64 + MARGIN_IN_PIXELS).contains(&coordinate) {
         return None;
     }
-    let pixel = (coordinate.max(0.0) as usize).min(count - 1);
-    let before_centre = coordinate < pixel as f64 + 0.5;
-    let next =
-        if before_centre { pixel.checked_sub(1) } else { Some(pixel + 1).filter(|&next| next < count) };
-    Some((pixel, next))
+    // Of conversions that mind what does not fit, this is the cheapest.
+    let pixel = (coordinate as i32).clamp(0, count as i32 - 1);
+    let is_before_centre = coordinate < f64::from(pixel) + 0.5;
+    let next = if is_before_centre { pixel - 1 } else { pixel + 1 };
+    Some((pixel as usize, next as usize))
 }
 
 /// Along one axis, the pixels that an interval touches and their neighbours, and whether the interval is all in the
@@ -286,6 +262,40 @@ fn pixels_around(low: f64, high: f64, count: usize) -> (Range<usize>, bool) {
     let start = (low - 1.0 - MARGIN_IN_PIXELS).max(0.0) as usize;
     let end = ((high + 2.0 + MARGIN_IN_PIXELS).max(0.0) as usize).min(count);
     (start.min(end)..end, low >= 0.0 && high <= count as f64)
+}
+
+/// A row or a column of pixels, and between which of them a segment leads.
+struct Line<'a> {
+    layers: [&'a [f32]; 2],
+    axis: usize,
+    stride: usize,
+    base: usize,
+    count: usize,
+    first: usize,
+    last: usize,
+}
+
+impl Line<'_> {
+    fn depth(&self, side: usize, pixel: usize) -> f32 {
+        self.layers[side][self.base + pixel * self.stride]
+    }
+
+    fn is_hit(&self, pixel: usize) -> bool {
+        self.depth(0, pixel) <= self.depth(1, pixel)
+    }
+
+    /// The first pixel on the segment's way that meets the object.
+    fn first_hit(&self) -> Option<usize> {
+        let Self { first, last, .. } = *self;
+        let mut pixels = first.min(last)..=first.max(last);
+        let is_hit = |pixel: &usize| self.is_hit(*pixel);
+        if first <= last { pixels.find(is_hit) } else { pixels.rev().find(is_hit) }
+    }
+
+    /// Where the segment enters a pixel, in half pixels.
+    fn border_before(&self, pixel: usize) -> usize {
+        2 * (pixel + usize::from(pixel < self.first))
+    }
 }
 
 /// The parameters at which a line crosses multiples of half a pixel, in order.

@@ -1,5 +1,6 @@
 //! Edges that are coupled anew: what becomes of each follows from the scene alone, so threads share them.
 
+use super::camera_wall::CameraWalls;
 use super::coupling::{Coupling, EdgeRule};
 use super::near_field::{Row, Wedges};
 use super::scene::Scene;
@@ -45,6 +46,7 @@ impl Found {
 pub(super) struct Sight<'a> {
     pub(super) scene: &'a Scene<'a>,
     pub(super) wedges: &'a Wedges,
+    pub(super) walls: &'a CameraWalls,
     /// The conductor that holds each node.
     pub(super) conductor: &'a [u16],
 }
@@ -141,7 +143,7 @@ impl Room {
                 let rule = EdgeRule { owners, spans, materials: scene.materials, background };
                 let mut cut = rule.coupling(breaks);
                 if scene.has_camera_walls {
-                    cut = scene.at_camera_wall((edge, ends), conductor, spans, cut);
+                    cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
                     is_met |= cut != Coupling::PLAIN;
                 }
                 cut

@@ -35,11 +35,11 @@ pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
 pub use surfaces::{Frame, LayerWall, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 
-use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::Terminal;
 use crate::workers::Workers;
+use camera_wall::CameraWalls;
 use changes::Changes;
 use edges_anew::{Asked, EdgesAnew, Found, Sight};
 use edges_near::EdgesNear;
@@ -99,6 +99,8 @@ pub struct Occupancy {
     unstructured: Option<Box<Unstructured>>,
     /// What nodes of a lattice make of edges of conductors.
     wedges: Wedges,
+    /// What walls that a camera sees leave of edges of a lattice.
+    camera_walls: CameraWalls,
 }
 
 /// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
@@ -117,8 +119,6 @@ struct Scratch {
     edges: EdgesNear,
     /// Edges around which something differs. If they are not among those above, surfaces cut them as before.
     around: IndexSet,
-    /// Edges across a camera's rays on whose dual faces something may differ.
-    on_rays: IndexSet,
     /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
     is_met: Vec<bool>,
     /// Whether no object touches an edge.
@@ -166,7 +166,6 @@ impl Occupancy {
                 node_changed: vec![false; nodes],
                 edges: EdgesNear::below(edges),
                 around: IndexSet::below(edges),
-                on_rays: IndexSet::below(edges),
                 is_met: vec![false; edges],
                 is_plain: vec![true; edges],
                 edge_seen: vec![0; edges],
@@ -176,6 +175,7 @@ impl Occupancy {
             elements: None,
             unstructured: None,
             wedges: Wedges::default(),
+            camera_walls: CameraWalls::below(edges),
         }
     }
 
@@ -309,13 +309,20 @@ impl Occupancy {
         let mut edges = std::mem::take(&mut self.scratch.edges);
         let mut around = std::mem::take(&mut self.scratch.around);
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
+        let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
-            self.mark_camera_walls(scene, changes.regions(), edges.marked(), &mut around);
+            walls.update(workers, scene, changes.regions(), &self.conductor, |edge| {
+                // Of edges along the rays, only those through a face have taps beside them.
+                let is_cut = self.couplings[edge] != Coupling::PLAIN;
+                if (is_cut || edge % 3 != camera_wall::RAYS) && !edges.marked().contains(edge) {
+                    around.insert(edge);
+                }
+            });
         }
         let mut links_lost = false;
         let mut anew = std::mem::take(&mut self.scratch.edges_anew);
         let conductor = std::mem::take(&mut self.conductor);
-        let sight = Sight { scene, wedges, conductor: &conductor };
+        let sight = Sight { scene, wedges, walls: &walls, conductor: &conductor };
         anew.start(workers);
         edges.marked().drain_with(&mut around, |edge, is_cut_anew| {
             let is_looked_at = is_cut_anew || scene.has_weak || scene.has_camera_walls;
@@ -336,29 +343,8 @@ impl Occupancy {
         }
         self.conductor = conductor;
         (self.scratch.edges, self.scratch.around, self.scratch.edges_anew) = (edges, around, anew);
+        self.camera_walls = walls;
         links_lost
-    }
-
-    /// Marks the edges at which walls that a camera sees may be others than before, but for those that are marked in any case.
-    fn mark_camera_walls(
-        &mut self,
-        scene: &Scene<'_>,
-        regions: &[Aabb],
-        marked: &IndexSet,
-        around: &mut IndexSet,
-    ) {
-        let mut on_rays = std::mem::take(&mut self.scratch.on_rays);
-        for region in regions {
-            camera_wall::for_dual_faces_near(&scene.mesh, region, |edge| on_rays.insert(edge));
-        }
-        on_rays.drain(|edge| {
-            scene.for_edges_at_walls(edge, &self.conductor, &self.couplings, |edge| {
-                if !marked.contains(edge) {
-                    around.insert(edge);
-                }
-            });
-        });
-        self.scratch.on_rays = on_rays;
     }
 
     /// Takes over what becomes of an edge, and returns whether it had a link and has none now.

@@ -1,0 +1,131 @@
+//! What the wall of a body leaves of an edge across a camera's rays, by how much of the edge's dual face the body fills and by the field
+//! around a right angle.
+
+use super::RAYS;
+use crate::mesh::Lattice;
+use crate::occupancy::SMALLEST_PART;
+use crate::occupancy::near_field::Places;
+
+/// How much further than it does a body is taken to reach along the rays, in parts of the longer one of the edge and of the
+/// height of its dual face; no more than half of that. `tests/fringe.rs` tells what it is to the field around a right angle. In the mean
+/// over all places in a cell more would be right, but with more, responses to narrow bodies have more and larger kinks.
+const FRINGE: f64 = 0.2;
+
+/// No more of the other end's potential is at the end under a face.
+const LARGEST_SHARE: f64 = 0.9;
+
+/// How far the dual face of an edge reaches along the rays: half-way to the planes beside its own.
+pub(super) struct DualFace {
+    pub(super) plane: f64,
+    pub(super) planes: [f64; 2],
+    ends: [f64; 2],
+}
+
+/// How far the wall of a body is from the end of an edge outside of it, and from that behind it, in metres.
+pub(super) struct Wall {
+    pub(super) outside: f64,
+    pub(super) behind: f64,
+    /// How much of the edge it counts for.
+    pub(super) abruptness: f64,
+}
+
+/// What a wall leaves of an edge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Past {
+    /// What multiplies the edge's weight.
+    pub(super) through: f64,
+    /// What is added, in parts of that weight, between the end under a face and the body.
+    pub(super) tap: f64,
+    /// How much of both counts.
+    pub(super) abruptness: f64,
+}
+
+impl Wall {
+    fn length(&self) -> f64 {
+        self.outside + self.behind
+    }
+}
+
+impl DualFace {
+    /// That of edges in a plane of the lattice.
+    pub(super) fn at(lattice: &Lattice, number: usize) -> Self {
+        let all = &lattice.axes()[RAYS];
+        let plane = all[number];
+        let planes = [number.saturating_sub(1), (number + 1).min(all.len() - 1)].map(|beside| all[beside]);
+        Self { plane, planes, ends: planes.map(|beside| 0.5 * (plane + beside)) }
+    }
+
+    pub(super) fn height(&self) -> f64 {
+        self.ends[1] - self.ends[0]
+    }
+
+    /// What there is of a layer between the planes beside.
+    pub(super) fn clipped(&self, [front, back]: [f64; 2]) -> Option<[f64; 2]> {
+        let faces = [front.max(self.planes[0]), back.min(self.planes[1])];
+        (faces[0] < faces[1]).then_some(faces)
+    }
+
+    /// How far the plane is before the nearer one of two faces, or behind it; zero between them.
+    pub(super) fn distance_to(&self, faces: [f64; 2]) -> f64 {
+        (faces[0] - self.plane).max(self.plane - faces[1]).max(0.0)
+    }
+
+    /// Whether a body with these faces ends on both sides before the planes beside.
+    pub(super) fn is_around(&self, faces: [f64; 2]) -> bool {
+        faces[0] > self.planes[0] && faces[1] < self.planes[1]
+    }
+
+    /// The part of the dual face that a body with these faces is taken to fill.
+    fn part_filled(&self, faces: [f64; 2], length: f64) -> f64 {
+        let fringe = FRINGE * length.max(self.height());
+        let low = faces[0] - fringe.min(self.plane - self.ends[0]);
+        let high = faces[1] + fringe.min(self.ends[1] - self.plane);
+        (high.min(self.ends[1]) - low.max(self.ends[0])).max(0.0) / self.height()
+    }
+
+    /// The part of the link past a wall that is less because of the potential under the faces.
+    fn part_under(&self, faces: [f64; 2], wall: &Wall) -> f64 {
+        let under = |side: usize, forwards: f64| {
+            let depth = forwards * (faces[side] - self.ends[side]);
+            if depth <= 0.0 {
+                return 0.0;
+            }
+            let plane = forwards * (faces[side] - self.plane);
+            let mut places = Places::<4>::ORIGIN;
+            places.set(0, [wall.outside, plane, 0.0]);
+            places.set(1, [-wall.behind, 0.5 * depth, 0.0]);
+            places.set(2, [-wall.behind, plane, 0.0]);
+            let [outside, half_way, behind, _] = places.potentials(f64::INFINITY);
+            let more = (half_way - behind).clamp(0.0, outside.max(0.0));
+            depth / self.height() * more / outside.max(f64::MIN_POSITIVE)
+        };
+        under(0, 1.0) + under(1, -1.0)
+    }
+
+    /// What the wall of a body with these faces leaves of an edge. `contrast` is one for a conductor, and zero for what is as the
+    /// background.
+    pub(super) fn past(&self, wall: &Wall, faces: [f64; 2], contrast: f64) -> Past {
+        let distance = self.distance_to(faces);
+        let near = wall.behind * wall.behind / (wall.behind * wall.behind + distance * distance);
+        let part = self.part_filled(faces, wall.length());
+        let way = wall.outside.hypot(distance) / wall.length();
+        let under = contrast * self.part_under(faces, wall);
+        let link = (near * (part / (1.0 - contrast + contrast * way) - under)).max(0.0);
+        let (through, abruptness) = (1.0 - near * part + link, wall.abruptness);
+        if distance == 0.0 {
+            return Past { through, tap: 0.0, abruptness };
+        }
+        let share = share_under(wall, distance.max(SMALLEST_PART * wall.length()));
+        let tap = contrast * link / share;
+        Past { through: through + contrast * link * share / (1.0 - share), tap, abruptness }
+    }
+}
+
+/// The potential so far under a face behind a wall, in parts of that as far under it before the wall, around a right angle.
+fn share_under(wall: &Wall, distance: f64) -> f64 {
+    let mut places = Places::<4>::ORIGIN;
+    places.set(0, [wall.outside, distance, 0.0]);
+    places.set(1, [-wall.behind, distance, 0.0]);
+    let [outside, behind, _, _] = places.potentials(f64::INFINITY);
+    (behind / outside).clamp(SMALLEST_PART, LARGEST_SHARE)
+}

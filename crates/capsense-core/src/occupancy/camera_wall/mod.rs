@@ -1,0 +1,258 @@
+//! Edges of a lattice across a depth camera's rays past the wall of a body that conducts or polarises strongly, where its image ends
+//! or jumps: one end's ray meets the body between the planes beside, the other's does not. Where surfaces slant or bend, the edge rule
+//! by itself is of second order, and stays: a wall counts the less the more the faces that end there rise or fall behind it.
+//!
+//! The field along an edge is that of its dual face, up to half-way to the planes before and behind. The camera knows how much of
+//! that the body fills: from its front to its back, where it is seen. To this part the edge ends at the wall, to the rest it is
+//! what it is without. Were the edge alone to tell, all of the dual face would change at once when a face passes the plane of the
+//! edge, and the capacitance with it.
+//!
+//! Where a face lies before or behind the plane, the end under it is free. What is filled of the dual face leads past the edge between face
+//! and wall to the body, along the shortest way, and the less the nearer the wall is to that end in relation to the face. No edge of
+//! the lattice leads there, so it goes by the end under the face: that has a share s of the other end's potential in the field around a
+//! right angle, r^(2/3) sin(2θ/3), so a link g is g / (1 - s) between the ends, and a tap of g / s from there on, through the face,
+//! beside what the edge along the rays is. In that field this is the same, and where fields differ a little from it the energy is of
+//! second order. Nothing is asked of what holds the body, so strong dielectrics become floating conductors as their permittivity grows.
+//!
+//! What a part of the dual face that is not filled carries is between the other end and the space under the face. The potential
+//! there is neither zero, as that of an end which the body holds, nor soon that of an end which it just released. So what it is half-way
+//! to the face in that field, in relation to that at the other end, is taken from the link.
+//!
+//! At its own edges a body collects more than the part of a dual face that meets it would, so it is taken to reach further by
+//! [`FRINGE`]. This is [`super::silhouette`] for who knows where surfaces are along one axis alone.
+
+mod beside;
+mod dual_face;
+
+use super::coupling::SMALLEST_PART;
+use super::index_set::IndexSet;
+use super::parallel::{is_weak, up_to_planes};
+use super::{Coupling, EdgeGeometry, NO_OBJECT, Scene, Span, Surfaces};
+use crate::geometry::Aabb;
+use crate::material::Material;
+use crate::mesh::{Edges, Lattice};
+use crate::sensor::FREE;
+use crate::workers::Workers;
+use beside::BesideWall;
+use dual_face::DualFace;
+use rustc_hash::FxHashMap;
+
+/// Cameras look along this axis.
+pub(super) const RAYS: usize = 2;
+
+/// So many edges keep a thread busy for much longer than it takes to hand them over.
+const EDGES_OF_A_TASK: usize = 64;
+
+/// Whether the rule is of use.
+pub(super) fn is_of_use(edges: &Edges, materials: &[Material], surfaces: &dyn Surfaces) -> bool {
+    let are_strong = materials.iter().any(|material| !is_weak(material));
+    surfaces.has_layers() && matches!(edges, Edges::Lattice(_)) && are_strong
+}
+
+/// What walls leave of the edges across a camera's rays, for each edge beside one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CameraWalls {
+    of_edges: FxHashMap<u32, BesideWall>,
+    /// Working storage: edges on whose dual faces something may differ.
+    near: IndexSet,
+    asked: Vec<u32>,
+    found: Vec<Option<BesideWall>>,
+}
+
+impl CameraWalls {
+    /// None, on a mesh of so many edges.
+    pub(super) fn below(edges: usize) -> Self {
+        Self { near: IndexSet::below(edges), ..Self::default() }
+    }
+
+    /// Moves to the next frame, in which answers differ in some boxes, and visits the edges that other walls leave something else of.
+    /// `held` tells the conductors that hold nodes.
+    pub(super) fn update(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        regions: &[Aabb],
+        held: &[u16],
+        mut visit: impl FnMut(usize),
+    ) {
+        let Edges::Lattice(lattice) = scene.mesh.edges else { return };
+        for region in regions {
+            for_dual_faces_near(&scene.mesh, region, |edge| self.near.insert(edge));
+        }
+        let Self { of_edges, near, asked, found } = self;
+        asked.clear();
+        near.drain(|edge| {
+            let may_be =
+                scene.has_camera_walls && !is_within(lattice, scene.mesh.edges.ends_of_existing(edge), held);
+            if may_be {
+                asked.push(edge as u32);
+            } else if let Some(before) = of_edges.remove(&(edge as u32)) {
+                for_edges_of(lattice, edge, &before, &mut visit);
+            }
+        });
+        found.resize(asked.len(), None);
+        let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
+        workers.for_each(tasks, |(asked, found)| {
+            for (&edge, found) in asked.iter().zip(found) {
+                let ends = scene.mesh.edges.ends_of_existing(edge as usize);
+                *found = scene.beside_wall(lattice, edge as usize, ends);
+            }
+        });
+        for (&edge, now) in asked.iter().zip(found) {
+            let before = match *now {
+                Some(now) => of_edges.insert(edge, now),
+                None => of_edges.remove(&edge),
+            };
+            if before != *now {
+                for changed in before.iter().chain(now.iter()) {
+                    for_edges_of(lattice, edge as usize, changed, &mut visit);
+                }
+            }
+        }
+    }
+
+    /// Corrects what the edge rule makes of an edge for walls of a body that are along the rays: beside an edge across these, and around
+    /// an end of one along them. `on_edge` are the spans of the edge, `held` tells the conductors that hold nodes. Where other objects
+    /// are as well, the edge rule stays.
+    #[inline]
+    pub(super) fn correct(
+        &self,
+        scene: &Scene<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        held: &[u16],
+        on_edge: &[(u16, Span)],
+        cut: Coupling,
+    ) -> Coupling {
+        match (edge % 3 == RAYS, on_edge) {
+            (false, _) => self.past_wall(scene, (edge, ends), on_edge, cut),
+            (true, &[(object, span)]) => {
+                self.under_walls(scene, (edge, ends), held, (object.into(), span), cut)
+            }
+            (true, _) => cut,
+        }
+    }
+
+    /// An edge across the rays.
+    fn past_wall(
+        &self,
+        scene: &Scene<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        on_edge: &[(u16, Span)],
+        cut: Coupling,
+    ) -> Coupling {
+        let Some(beside) = self.of_edges.get(&(edge as u32)) else { return cut };
+        // Where the end is under a face, but the body is on the edge, surfaces slant.
+        let is_alone = on_edge.iter().all(|&(other, _)| !beside.is_under && other == beside.object);
+        // An electrode in the body is linked to it as before.
+        if !is_alone || scene.mesh.terminals[ends[usize::from(beside.end)] as usize] != FREE {
+            return cut;
+        }
+        let past = &beside.past;
+        Coupling::only_through(cut.through + past.abruptness * (past.through - cut.through))
+    }
+
+    /// An edge along the rays through the face of a body, and perhaps through that behind it: taps of edges past walls beside its ends
+    /// are beside what is left of it.
+    fn under_walls(
+        &self,
+        scene: &Scene<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        held: &[u16],
+        (object, span): (usize, Span),
+        cut: Coupling,
+    ) -> Coupling {
+        let mut coupling = cut;
+        let mut shorter = 0.0;
+        for (end, gap) in [span.enter, 1.0 - span.exit].into_iter().enumerate() {
+            let [node, behind] = [ends[end] as usize, ends[1 - end] as usize];
+            if gap <= 0.0 || held[node] != NO_OBJECT || scene.mesh.terminals[node] != FREE {
+                continue;
+            }
+            let gap = if scene.is_conductor(object) { gap.max(SMALLEST_PART) } else { gap };
+            let more = gap * self.taps(scene, edge, [node, behind], held, object);
+            if usize::from(cut.object[end]) == object {
+                coupling.factor[end] *= 1.0 + more;
+            } else {
+                shorter += gap * more / (1.0 + more);
+            }
+        }
+        if shorter > 0.0 && shorter * cut.through < 1.0 {
+            coupling.through = cut.through / (1.0 - shorter * cut.through);
+        }
+        coupling
+    }
+
+    /// The taps of the edges across the rays at a node under the face of an object, in parts of the weight of the edge that leads through
+    /// the face.
+    fn taps(
+        &self,
+        scene: &Scene<'_>,
+        edge: usize,
+        [node, behind]: [usize; 2],
+        held: &[u16],
+        object: usize,
+    ) -> f64 {
+        let Edges::Lattice(lattice) = scene.mesh.edges else { return 0.0 };
+        // What holds the next node behind the face reaches that one: there is no wall between.
+        let reaches = |node: usize| held.get(node).is_some_and(|&holder| usize::from(holder) == object);
+        let strides = &lattice.strides()[..RAYS];
+        if strides.iter().all(|stride| reaches(behind.wrapping_sub(*stride)) && reaches(behind + stride)) {
+            return 0.0;
+        }
+        let tap = |across: usize, end: usize| {
+            let beside = self.of_edges.get(&(across as u32))?;
+            let is_of_face = (usize::from(beside.object), usize::from(beside.end)) == (object, end);
+            is_of_face.then_some(beside.past.abruptness * beside.past.tap)
+        };
+        let permittivity = |edge| scene.mesh.permittivity.at(edge);
+        let place = lattice.node_place(node);
+        let mut sum = 0.0;
+        for axis in 0..RAYS {
+            let (planes, stride, at) = (&lattice.axes()[axis], lattice.strides()[axis], place[axis]);
+            let ends = [at.saturating_sub(1), (at + 1).min(planes.len() - 1)];
+            for (end, &to) in ends.iter().enumerate().filter(|(_, to)| **to != at) {
+                let across = 3 * node.min(node + to * stride - at * stride) + axis;
+                let Some(tap) = tap(across, 1 - end) else { continue };
+                let length = (planes[to] - planes[at]).abs();
+                let width = 0.5 * (planes[ends[1]] - planes[ends[0]]);
+                let height = (scene.mesh.nodes[behind].z - scene.mesh.nodes[node].z).abs();
+                let heights = DualFace::at(lattice, place[RAYS]).height() * height;
+                sum += tap * permittivity(across) / permittivity(edge) * heights / (length * width);
+            }
+        }
+        sum
+    }
+}
+
+/// Visits an edge beside a wall, and those along the rays that taps of it may be beside.
+fn for_edges_of(lattice: &Lattice, edge: usize, wall: &BesideWall, visit: &mut impl FnMut(usize)) {
+    visit(edge);
+    if wall.past.tap != 0.0 {
+        let across = lattice.strides()[edge % 3];
+        let node = edge / 3 + usize::from(wall.end) * across;
+        let below = node.checked_sub(lattice.strides()[RAYS]);
+        [Some(node), below].into_iter().flatten().for_each(|start| visit(3 * start + RAYS));
+    }
+}
+
+/// Visits the edges across the rays whose dual faces touch a box, and perhaps others near it; some of them several times.
+fn for_dual_faces_near(mesh: &EdgeGeometry<'_>, region: &Aabb, mut visit: impl FnMut(usize)) {
+    let around = up_to_planes(mesh.edges, region, RAYS..RAYS + 1);
+    mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| {
+        if edge % 3 != RAYS {
+            visit(edge);
+        }
+    });
+}
+
+/// Whether a conductor is known to be between the planes beside an edge along the rays through both of its ends: it holds both nodes
+/// there in the edge's own plane or in the same one of those beside.
+fn is_within(lattice: &Lattice, ends: [u32; 2], held: &[u16]) -> bool {
+    let stride = lattice.strides()[RAYS];
+    let holder = |node: Option<usize>| node.and_then(|node| held.get(node)).copied().unwrap_or(NO_OBJECT);
+    let are_same = |[first, second]: [u16; 2]| first != NO_OBJECT && first == second;
+    let nodes = ends.map(|node| node as usize);
+    are_same(nodes.map(|node| holder(Some(node))))
+        || are_same(nodes.map(|node| holder(node.checked_sub(stride))))
+        || are_same(nodes.map(|node| holder(Some(node + stride))))
+}
