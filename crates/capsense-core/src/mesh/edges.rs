@@ -169,7 +169,7 @@ fn around(ends: [u32; 2], nodes: &[DVec3]) -> Aabb {
 impl Lattice {
     /// Visits the nodes in a box, those next to each other along x together.
     pub(crate) fn for_rows_within(&self, bounds: &Aabb, mut visit: impl FnMut(Range<usize>)) {
-        let [x, y, z] = planes_within(self, bounds);
+        let [x, y, z] = self.planes_within(bounds);
         for k in z {
             for j in y.clone() {
                 let row = self.node_index([0, j, k]);
@@ -177,22 +177,22 @@ impl Lattice {
             }
         }
     }
-}
 
-/// The lattice planes across each axis that touch a box.
-fn planes_within(lattice: &Lattice, bounds: &Aabb) -> [Range<usize>; 3] {
-    std::array::from_fn(|axis| {
-        let planes = &lattice.axes()[axis];
-        let from = planes.partition_point(|&plane| plane < bounds.min[axis]);
-        from..planes.partition_point(|&plane| plane <= bounds.max[axis])
-    })
+    /// The planes across each axis that touch a box.
+    fn planes_within(&self, bounds: &Aabb) -> [Range<usize>; 3] {
+        std::array::from_fn(|axis| {
+            let planes = &self.axes()[axis];
+            let from = planes.partition_point(|&plane| plane < bounds.min[axis]);
+            from..planes.partition_point(|&plane| plane <= bounds.max[axis])
+        })
+    }
 }
 
 /// All edges that touch a box, each once, in increasing order.
 fn for_lattice_edges(lattice: &Lattice, bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
     let strides = lattice.strides();
     let counts = lattice.node_counts();
-    let nodes = planes_within(lattice, bounds);
+    let nodes = lattice.planes_within(bounds);
     // Along its axis, an edge touches the box if it starts before the box's end and ends after its start.
     let starts: [Range<usize>; 3] = std::array::from_fn(|axis| {
         nodes[axis].start.saturating_sub(1)..nodes[axis].end.min(counts[axis] - 1)

@@ -30,6 +30,11 @@ impl IndexSet {
     }
 
     #[inline]
+    pub(super) fn remove(&mut self, number: usize) {
+        self.words[number / BITS] &= !(1 << (number % BITS));
+    }
+
+    #[inline]
     pub(super) fn contains(&self, number: usize) -> bool {
         self.words[number / BITS] >> (number % BITS) & 1 != 0
     }

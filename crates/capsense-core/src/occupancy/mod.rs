@@ -175,7 +175,7 @@ impl Occupancy {
             elements: None,
             unstructured: None,
             wedges: Wedges::default(),
-            camera_walls: CameraWalls::below(edges),
+            camera_walls: CameraWalls::below(nodes, edges),
         }
     }
 
@@ -311,7 +311,7 @@ impl Occupancy {
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
         let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
-            walls.update(workers, scene, changes.regions(), &self.conductor, |edge| {
+            walls.update(workers, scene, changes.regions(), |edge| {
                 // Of edges along the rays, only those through a face have taps beside them.
                 let is_cut = self.couplings[edge] != Coupling::PLAIN;
                 if (is_cut || edge % 3 != camera_wall::RAYS) && !edges.marked().contains(edge) {

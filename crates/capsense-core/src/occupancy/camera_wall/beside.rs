@@ -1,10 +1,8 @@
 //! Where a body that a camera sees has a wall along the rays beside an edge, and what that leaves of the edge.
 
-use super::RAYS;
 use super::dual_face::{DualFace, Past, Wall};
-use crate::geometry::Aabb;
+use super::layers::Layer;
 use crate::material::Material;
-use crate::mesh::Lattice;
 use crate::occupancy::parallel::is_weak;
 use crate::occupancy::{SMALLEST_PART, Scene};
 use glam::DVec3;
@@ -23,19 +21,10 @@ pub(super) struct BesideWall {
     pub(super) past: Past,
 }
 
-/// Where a body is along the ray through one end of an edge, from its front to its back, between the planes beside.
-struct Layer {
-    object: usize,
-    end: usize,
-    faces: [f64; 2],
-}
-
 impl Scene<'_> {
-    /// What the wall of a body leaves of an edge across the rays, if there is one.
-    pub(super) fn beside_wall(&self, lattice: &Lattice, edge: usize, ends: [u32; 2]) -> Option<BesideWall> {
-        let face = DualFace::at(lattice, lattice.node_place(ends[0] as usize)[RAYS]);
-        let layer = self.only_layer(&face, ends)?;
-        let past = self.past(edge, &face, &layer, ends)?;
+    /// What the wall of a body leaves of an edge across the rays, if it has one where it is along the ray through one end.
+    pub(super) fn beside_wall(&self, face: &DualFace, edge: usize, layer: &Layer) -> Option<BesideWall> {
+        let past = self.past(edge, face, layer)?;
         let is_under = face.distance_to(layer.faces) > 0.0;
         Some(BesideWall { object: layer.object as u16, end: layer.end as u8, is_under, past })
     }
@@ -53,38 +42,16 @@ impl Scene<'_> {
     }
 
     /// What is left of an edge whose one end's ray meets a body.
-    fn past(&self, edge: usize, face: &DualFace, layer: &Layer, ends: [u32; 2]) -> Option<Past> {
+    fn past(&self, edge: usize, face: &DualFace, layer: &Layer) -> Option<Past> {
         let &Layer { object, end, faces } = layer;
         let contrast = self.contrast(object, edge)?;
         // In a dielectric without nodes nothing is there for taps to lead to.
         if !self.is_conductor(object) && face.distance_to(faces) > 0.0 && face.is_around(faces) {
             return None;
         }
+        let ends = self.mesh.edges.ends_of_existing(edge);
         let points = [ends[1 - end], ends[end]].map(|node| self.mesh.nodes[node as usize]);
         Some(face.past(&self.wall_between(object, face, faces, points)?, faces, contrast))
-    }
-
-    /// The object that is between the planes beside along the ray through one end of an edge alone, if it is the only one there.
-    fn only_layer(&self, face: &DualFace, ends: [u32; 2]) -> Option<Layer> {
-        let points = ends.map(|node| self.mesh.nodes[node as usize]);
-        let [low, high] = face.planes;
-        let around =
-            Aabb { min: points[0].min(points[1]).with_z(low), max: points[0].max(points[1]).with_z(high) };
-        let mut only = None;
-        for object in (0..self.bounds.len()).filter(|&object| self.bounds[object].intersects(&around)) {
-            let seen = points.map(|point| self.surfaces.layer_at(object, point));
-            let (end, faces) = match seen.map(|faces| faces.and_then(|faces| face.clipped(faces))) {
-                [None, None] => continue,
-                [Some(faces), None] => (0, faces),
-                [None, Some(faces)] => (1, faces),
-                [Some(_), Some(_)] => return None,
-            };
-            let layer = Some(Layer { object, end, faces });
-            if std::mem::replace(&mut only, layer).is_some() {
-                return None;
-            }
-        }
-        only
     }
 
     /// Where the wall is, half-way between the faces, from the first point to the second.

@@ -59,10 +59,16 @@ impl DualFace {
         self.ends[1] - self.ends[0]
     }
 
+    /// Whether some of a layer is between the planes beside.
+    #[inline]
+    pub(super) fn has_between_planes(&self, [front, back]: [f64; 2]) -> bool {
+        (front < back) & (front < self.planes[1]) & (self.planes[0] < back)
+    }
+
     /// What there is of a layer between the planes beside.
-    pub(super) fn clipped(&self, [front, back]: [f64; 2]) -> Option<[f64; 2]> {
-        let faces = [front.max(self.planes[0]), back.min(self.planes[1])];
-        (faces[0] < faces[1]).then_some(faces)
+    #[inline]
+    pub(super) fn clipped(&self, layer: [f64; 2]) -> Option<[f64; 2]> {
+        self.has_between_planes(layer).then(|| [layer[0].max(self.planes[0]), layer[1].min(self.planes[1])])
     }
 
     /// How far the plane is before the nearer one of two faces, or behind it; zero between them.

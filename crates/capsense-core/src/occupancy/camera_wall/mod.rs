@@ -23,11 +23,12 @@
 
 mod beside;
 mod dual_face;
+mod layers;
 
 use super::coupling::SMALLEST_PART;
 use super::index_set::IndexSet;
 use super::parallel::{is_weak, up_to_planes};
-use super::{Coupling, EdgeGeometry, NO_OBJECT, Scene, Span, Surfaces};
+use super::{Coupling, NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
@@ -35,6 +36,7 @@ use crate::sensor::FREE;
 use crate::workers::Workers;
 use beside::BesideWall;
 use dual_face::DualFace;
+use layers::{Layer, RayLayers};
 use rustc_hash::FxHashMap;
 
 /// Cameras look along this axis.
@@ -53,62 +55,98 @@ pub(super) fn is_of_use(edges: &Edges, materials: &[Material], surfaces: &dyn Su
 #[derive(Clone, Debug, Default)]
 pub(super) struct CameraWalls {
     of_edges: FxHashMap<u32, BesideWall>,
-    /// Working storage: edges on whose dual faces something may differ.
+    /// The same edges once more, as that is soon asked.
+    known: IndexSet,
+    layers: RayLayers,
+    /// Working storage: nodes beside which something may differ, edges from there that a body ends at, and what it leaves of them.
     near: IndexSet,
-    asked: Vec<u32>,
+    asked: Vec<(u32, Layer)>,
     found: Vec<Option<BesideWall>>,
 }
 
 impl CameraWalls {
-    /// None, on a mesh of so many edges.
-    pub(super) fn below(edges: usize) -> Self {
-        Self { near: IndexSet::below(edges), ..Self::default() }
+    /// None, on a mesh of so many nodes and edges.
+    pub(super) fn below(nodes: usize, edges: usize) -> Self {
+        Self { known: IndexSet::below(edges), near: IndexSet::below(nodes), ..Self::default() }
     }
 
     /// Moves to the next frame, in which answers differ in some boxes, and visits the edges that other walls leave something else of.
-    /// `held` tells the conductors that hold nodes.
     pub(super) fn update(
         &mut self,
         workers: &Workers,
         scene: &Scene<'_>,
         regions: &[Aabb],
-        held: &[u16],
         mut visit: impl FnMut(usize),
     ) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
-        for region in regions {
-            for_dual_faces_near(&scene.mesh, region, |edge| self.near.insert(edge));
+        if !scene.has_camera_walls {
+            self.layers.clear();
+            self.known.drain(|_| ());
+            let all = self.of_edges.drain();
+            all.for_each(|(edge, wall)| for_edges_of(lattice, edge as usize, &wall, &mut visit));
+            return;
         }
-        let Self { of_edges, near, asked, found } = self;
-        asked.clear();
-        near.drain(|edge| {
-            let may_be =
-                scene.has_camera_walls && !is_within(lattice, scene.mesh.edges.ends_of_existing(edge), held);
-            if may_be {
-                asked.push(edge as u32);
-            } else if let Some(before) = of_edges.remove(&(edge as u32)) {
-                for_edges_of(lattice, edge, &before, &mut visit);
-            }
-        });
+        self.layers.update(scene, lattice, regions);
+        self.ask(scene, lattice, regions, &mut visit);
+        let Self { of_edges, known, asked, found, .. } = self;
         found.resize(asked.len(), None);
         let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
         workers.for_each(tasks, |(asked, found)| {
-            for (&edge, found) in asked.iter().zip(found) {
-                let ends = scene.mesh.edges.ends_of_existing(edge as usize);
-                *found = scene.beside_wall(lattice, edge as usize, ends);
+            for ((edge, layer), found) in asked.iter().zip(found) {
+                let edge = *edge as usize;
+                let face = DualFace::at(lattice, edge / (3 * lattice.strides()[RAYS]));
+                *found = scene.beside_wall(&face, edge, layer);
             }
         });
-        for (&edge, now) in asked.iter().zip(found) {
+        for (&(edge, _), now) in asked.iter().zip(found) {
             let before = match *now {
-                Some(now) => of_edges.insert(edge, now),
-                None => of_edges.remove(&edge),
+                Some(now) => {
+                    known.insert(edge as usize);
+                    of_edges.insert(edge, now)
+                }
+                None => {
+                    known.remove(edge as usize);
+                    of_edges.remove(&edge)
+                }
             };
             if before != *now {
-                for changed in before.iter().chain(now.iter()) {
-                    for_edges_of(lattice, edge as usize, changed, &mut visit);
-                }
+                let both = before.iter().chain(now.iter());
+                both.for_each(|wall| for_edges_of(lattice, edge as usize, wall, &mut visit));
             }
         }
+    }
+
+    /// Collects the edges whose dual faces touch some boxes and that a body ends at, and forgets the others there.
+    fn ask(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Aabb], visit: &mut impl FnMut(usize)) {
+        let Self { of_edges, known, layers, near, asked, .. } = self;
+        for region in regions {
+            let around = up_to_planes(scene.mesh.edges, region, RAYS..RAYS + 1);
+            lattice.for_rows_within(&with_planes_before(lattice, &around), |nodes| near.insert_all(nodes));
+        }
+        asked.clear();
+        let (strides, counts) = (lattice.strides(), lattice.node_counts());
+        near.drain_runs(|nodes| {
+            let mut place = lattice.node_place(nodes.start);
+            let mut face = DualFace::at(lattice, place[RAYS]);
+            for node in nodes {
+                if place[0] == counts[0] {
+                    place = lattice.node_place(node);
+                    face = DualFace::at(lattice, place[RAYS]);
+                }
+                let column = node - place[RAYS] * strides[RAYS];
+                for axis in (0..RAYS).filter(|&axis| place[axis] + 1 < counts[axis]) {
+                    let (edge, columns) = (3 * node + axis, [column, column + strides[axis]]);
+                    if let Some(layer) = layers.only_one(&face, columns) {
+                        asked.push((edge as u32, layer));
+                    } else if known.contains(edge) {
+                        known.remove(edge);
+                        let before = of_edges.remove(&(edge as u32));
+                        before.iter().for_each(|wall| for_edges_of(lattice, edge, wall, visit));
+                    }
+                }
+                place[0] += 1;
+            }
+        });
     }
 
     /// Corrects what the edge rule makes of an edge for walls of a body that are along the rays: beside an edge across these, and around
@@ -235,24 +273,12 @@ fn for_edges_of(lattice: &Lattice, edge: usize, wall: &BesideWall, visit: &mut i
     }
 }
 
-/// Visits the edges across the rays whose dual faces touch a box, and perhaps others near it; some of them several times.
-fn for_dual_faces_near(mesh: &EdgeGeometry<'_>, region: &Aabb, mut visit: impl FnMut(usize)) {
-    let around = up_to_planes(mesh.edges, region, RAYS..RAYS + 1);
-    mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| {
-        if edge % 3 != RAYS {
-            visit(edge);
-        }
-    });
-}
-
-/// Whether a conductor is known to be between the planes beside an edge along the rays through both of its ends: it holds both nodes
-/// there in the edge's own plane or in the same one of those beside.
-fn is_within(lattice: &Lattice, ends: [u32; 2], held: &[u16]) -> bool {
-    let stride = lattice.strides()[RAYS];
-    let holder = |node: Option<usize>| node.and_then(|node| held.get(node)).copied().unwrap_or(NO_OBJECT);
-    let are_same = |[first, second]: [u16; 2]| first != NO_OBJECT && first == second;
-    let nodes = ends.map(|node| node as usize);
-    are_same(nodes.map(|node| holder(Some(node))))
-        || are_same(nodes.map(|node| holder(node.checked_sub(stride))))
-        || are_same(nodes.map(|node| holder(Some(node + stride))))
+/// A box with the planes before it across the rays: of all edges that touch it, the first ends are in there.
+fn with_planes_before(lattice: &Lattice, around: &Aabb) -> Aabb {
+    let mut grown = *around;
+    for (axis, planes) in lattice.axes()[..RAYS].iter().enumerate() {
+        let inside = planes.partition_point(|&plane| plane < around.min[axis]);
+        grown.min[axis] = around.min[axis].min(planes[inside.saturating_sub(1)]);
+    }
+    grown
 }

@@ -1,0 +1,76 @@
+//! Where bodies are along the rays through the nodes of a lattice.
+
+use super::RAYS;
+use super::dual_face::DualFace;
+use crate::geometry::Aabb;
+use crate::mesh::Lattice;
+use crate::occupancy::Scene;
+use crate::occupancy::index_set::IndexSet;
+
+/// The faces of a body that a ray misses.
+const MISSED: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+
+/// Where a body is along the ray through one end of an edge, from its front to its back, between the planes beside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layer {
+    pub(super) object: usize,
+    pub(super) end: usize,
+    pub(super) faces: [f64; 2],
+}
+
+/// Front and back of each object along the rays through each column of nodes: one ray is met by the edges of all planes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RayLayers {
+    /// For each object, of each column.
+    faces: Vec<Vec<[f64; 2]>>,
+    /// Working storage: columns where something may differ.
+    near: IndexSet,
+}
+
+impl RayLayers {
+    /// Moves to the next frame, in which answers differ in some boxes.
+    pub(super) fn update(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Aabb]) {
+        let columns = lattice.strides()[RAYS];
+        if self.faces.len() != scene.bounds.len() {
+            self.near = IndexSet::below(columns);
+            self.faces.clear();
+            self.faces.resize(scene.bounds.len(), vec![MISSED; columns]);
+        }
+        let first = lattice.axes()[RAYS][0];
+        for region in regions {
+            let across = Aabb { min: region.min.with_z(first), max: region.max.with_z(first) };
+            lattice.for_rows_within(&across, |columns| self.near.insert_all(columns));
+        }
+        let Self { faces, near, .. } = self;
+        near.drain(|column| {
+            for (object, faces) in faces.iter_mut().enumerate() {
+                let found = scene.surfaces.layer_at(object, scene.mesh.nodes[column]);
+                faces[column] = found.unwrap_or(MISSED);
+            }
+        });
+    }
+
+    /// Forgets all.
+    pub(super) fn clear(&mut self) {
+        self.faces.clear();
+    }
+
+    /// The object that is between the planes beside along one of two rays alone, if it is the only one there.
+    #[inline]
+    pub(super) fn only_one(&self, face: &DualFace, columns: [usize; 2]) -> Option<Layer> {
+        let mut only = None;
+        for (object, faces) in self.faces.iter().enumerate() {
+            let (end, faces) = match columns.map(|column| face.clipped(faces[column])) {
+                [None, None] => continue,
+                [Some(faces), None] => (0, faces),
+                [None, Some(faces)] => (1, faces),
+                [Some(_), Some(_)] => return None,
+            };
+            let layer = Some(Layer { object, end, faces });
+            if std::mem::replace(&mut only, layer).is_some() {
+                return None;
+            }
+        }
+        only
+    }
+}
