@@ -150,14 +150,16 @@ impl Room {
 
     /// What relaxing a node takes from the energy of a column, as a part of that: the most of any.
     fn gain(&self, index: usize) -> f32 {
-        let (inverse, first) = (self.nodes[index].inverse, (index + 1) * self.groups.len());
-        let columns = self.residuals[first..].iter().zip(&self.ahead).zip(&self.per_energy);
-        let gains = columns.map(|((residual, ahead), per_energy)| {
-            let residual = residual.now - *ahead * residual.of_increment;
+        let (inverse, groups) = (self.nodes[index].inverse, self.ahead.len());
+        let residuals = &self.residuals[(index + 1) * groups..][..groups];
+        let (ahead, per_energy) = (&self.ahead[..groups], &self.per_energy[..groups]);
+        let mut most = Vec4::ZERO;
+        for group in 0..groups {
+            let residual = residuals[group].now - ahead[group] * residuals[group].of_increment;
             // In this order, as squares are too small.
-            (residual * inverse) * (residual * *per_energy)
-        });
-        gains.fold(Vec4::ZERO, |most, gain| gain.max(most)).max_element()
+            most = ((residual * inverse) * (residual * per_energy[group])).max(most);
+        }
+        most.max_element()
     }
 
     /// Potential and residual of a node, and the residuals beside it.
