@@ -8,7 +8,7 @@ use super::precision::{Leaking, Network};
 use super::stencil::Stencil;
 
 /// Where a node is in numbers that are there once for each node, and in the first column of vectors.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub(super) colour: usize,
     pub(super) at: usize,

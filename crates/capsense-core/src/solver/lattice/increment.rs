@@ -117,18 +117,14 @@ impl Sums {
         self.squares[t] += q * q - q_before * q_before;
     }
 
-    /// The residual of a node in column t is another; `d` tells all columns there, and its charge stays.
-    pub(super) fn change_residual(
-        &mut self,
-        t: usize,
-        d: impl Fn(usize) -> f64,
-        [now, before]: [f64; 2],
-        charge: f64,
-    ) {
-        for s in 0..self.columns {
-            self.with_residuals[s * self.columns + t] += d(s) * (now - before);
-        }
-        self.crossed[t] += charge * (now - before);
+    /// Σ d_s r_t is another.
+    pub(super) fn add_with_residual(&mut self, [s, t]: [usize; 2], change: f64) {
+        self.with_residuals[s * self.columns + t] += change;
+    }
+
+    /// Σ r q of a column is another.
+    pub(super) fn add_crossed(&mut self, column: usize, change: f64) {
+        self.crossed[column] += change;
     }
 
     /// How far a column should go, nowhere if that gains next to nothing of its energy.

@@ -7,6 +7,7 @@ mod coarse_row;
 mod coarsening;
 mod collection;
 mod descent;
+mod groups;
 mod held;
 mod hierarchy;
 mod increment;
@@ -135,7 +136,7 @@ impl LatticeSolver {
             of_free: vec![0.0; columns * columns],
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
-            room: Room::new(columns),
+            room: Room::new(&of_nodes, &layout),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,

@@ -1,9 +1,11 @@
 //! The potentials of a lattice's nodes.
 
+use super::groups::Group;
 use super::layout::{Coloured, Layout};
 use super::stencil::Stencil;
 use super::sums::Sums;
 use crate::stiffness::StiffnessMatrix;
+use glam::{DVec4, Vec4};
 
 /// Potentials in one of two precisions, what K has in it besides the finest level's weights, and storage for each thread.
 /// `leak` holds for each node the weight of its links.
@@ -54,6 +56,28 @@ impl Potentials {
         match self {
             Self::Single { x, .. } => x[colour][at] = potential as f32,
             Self::Double { x, .. } => x[colour][at] = potential,
+        }
+    }
+
+    /// Those of a node in a group of columns, in single precision.
+    #[inline(always)]
+    pub(super) fn gather(&self, group: &Group, colour: usize, first: usize) -> Vec4 {
+        match self {
+            Self::Single { x, .. } => Vec4::from_array(group.gather(&x[colour], first)),
+            Self::Double { x, .. } => DVec4::from_array(group.gather(&x[colour], first)).as_vec4(),
+        }
+    }
+
+    /// Sets those of a node in a group of columns; what is in double precision is more by so much instead.
+    #[inline(always)]
+    pub(super) fn move_to(&mut self, group: &Group, colour: usize, first: usize, values: Vec4) {
+        match self {
+            Self::Single { x, .. } => group.scatter(&mut x[colour], first, values),
+            Self::Double { x, .. } => {
+                for (place, value) in group.places(first).zip(values.to_array()) {
+                    x[colour][place] += f64::from(value);
+                }
+            }
         }
     }
 

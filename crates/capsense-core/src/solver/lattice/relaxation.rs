@@ -5,35 +5,195 @@
 //! are those of before: far too much energy in very few nodes. A cycle takes it away, but all fields must move for that. Done
 //! where it is, it costs a few operations for each node, and what is left is smooth enough to be foreseen. Where a steady
 //! motion leads the fields on (`increment`), nodes are relaxed as they will be there.
+//!
+//! Sweeps change nothing but potentials and residuals, which are taken out of the vectors for that, four columns side by
+//! side. The rest follows once from what they were and what they have become. With C, the change of the fields, r becomes
+//! r - K C; so, K being symmetric, products with r change by products with C, which is zero at all but the relaxed nodes.
 
 use super::charges::Place;
+use super::groups::{GROUP, Group};
+use super::layout::{Coloured, Layout};
+use super::level::Level;
 use super::refreshed::Refreshed;
+use glam::{DVec4, Vec4};
 
 /// How often the nodes are gone through at most, and what part of any column's energy that must have taken to be done again.
 const SWEEPS: usize = 4;
-const WORTH_AGAIN: f64 = 1e-4;
+const WORTH_AGAIN: f32 = 1e-4;
 
 /// A node is left as it is while that would take no more than this part of any column's energy.
-const LEAST_GAIN: f64 = 1e-7;
+const LEAST_GAIN: f32 = 1e-7;
 
 /// Where more than one node in so many has changed, the fields are another scene's.
 const FEW: usize = 8;
 
-/// Room for all columns of one node.
+/// Nodes that may be relaxed and those beside them, taken out of the vectors. All groups of columns of a node are one after
+/// the other.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
-    /// r, by how much the potential changes, and what of the charge is due to neighbours that are held.
-    residuals: Vec<f64>,
-    changes: Vec<f64>,
-    held: Vec<f64>,
-    /// How far the fields will go along their last change.
-    ahead: Vec<f64>,
+    groups: Vec<Group>,
+    /// How far the fields will go along their last change, and one over their energies.
+    ahead: Vec<Vec4>,
+    per_energy: Vec<Vec4>,
+    /// The free ones among the nodes that changed, which have the first numbers.
+    nodes: Vec<Node>,
+    relaxed: Vec<Relaxed>,
+    fields: Vec<Field>,
+    /// Where nodes are and their residuals by their number here, from 1 on: 0 stands for all that are held.
+    places: Vec<Place>,
+    residuals: Vec<Residual>,
+    /// The number of each node, zero where it has none.
+    numbers: Coloured<u32>,
+    /// One node, as it was changed.
+    changes: Vec<Change>,
+    /// By how much -Σ x_s r_t over free rows is more and Σ d_s r_t less: for each column s all t.
+    products: Vec<[DVec4; 2]>,
+}
+
+/// A free node that changed.
+#[derive(Clone, Debug)]
+struct Node {
+    inverse: f32,
+    /// Behind how many others it was relaxed first, if it was.
+    relaxed: Option<u32>,
+}
+
+/// A node that is relaxed: where the residuals beside it are, and the weights to them, zero to what is held.
+#[derive(Clone, Debug)]
+struct Relaxed {
+    node: u32,
+    diagonal: f32,
+    beside: [u32; 6],
+    weights: [f32; 6],
+}
+
+/// Its potential in a group of columns now and before, which is taken for zero where potentials are in double precision; and
+/// Σ weight times potential of what is held beside it.
+#[derive(Clone, Debug)]
+struct Field {
+    now: Vec4,
+    before: Vec4,
+    held: Vec4,
+}
+
+/// The residual of a node in a group of columns now and before, and the charge of the fields' last change.
+#[derive(Clone, Debug, Default)]
+struct Residual {
+    now: Vec4,
+    before: Vec4,
+    of_increment: Vec4,
+}
+
+/// How a node was changed, in a group of columns.
+#[derive(Clone, Debug, Default)]
+struct Change {
+    /// By how much the potential changed, and the residual before.
+    potential: Vec4,
+    residual: Vec4,
+    /// Σ w (x - x') over free neighbours at x', and the charge of the fields' last change.
+    charge: Vec4,
+    of_increment: Vec4,
 }
 
 impl Room {
-    pub(super) fn new(columns: usize) -> Self {
-        let zeros = || vec![0.0; columns];
-        Self { residuals: zeros(), changes: zeros(), held: zeros(), ahead: zeros() }
+    /// Layouts are those of numbers which are there once for each node, and of vectors.
+    pub(super) fn new(of_nodes: &Layout, layout: &Layout) -> Self {
+        let groups = Group::all(layout);
+        let zeros = vec![Vec4::ZERO; groups.len()];
+        Self {
+            ahead: zeros.clone(),
+            per_energy: zeros,
+            nodes: Vec::new(),
+            relaxed: Vec::new(),
+            fields: Vec::new(),
+            places: Vec::new(),
+            residuals: Vec::new(),
+            numbers: of_nodes.zeros(),
+            changes: vec![Change::default(); groups.len()],
+            products: vec![[DVec4::ZERO; 2]; groups.len() * groups.len() * GROUP],
+            groups,
+        }
+    }
+
+    /// Forgets all nodes.
+    fn clear(&mut self) {
+        let Self { nodes, relaxed, fields, places, residuals, numbers, products, .. } = self;
+        places.drain(..).for_each(|Place { colour, at, .. }| numbers[colour][at] = 0);
+        nodes.clear();
+        relaxed.clear();
+        fields.clear();
+        residuals.clear();
+        products.fill([DVec4::ZERO; 2]);
+    }
+
+    /// The number of a free node, which gets one if it has none.
+    #[inline(always)]
+    fn number(&mut self, finest: &Level, place: Place) -> u32 {
+        let number = self.numbers[place.colour][place.at];
+        if number != 0 { number } else { self.enter(finest, place) }
+    }
+
+    /// Gives a free node the next number.
+    fn enter(&mut self, finest: &Level, place: Place) -> u32 {
+        let Level { b, charges, .. } = finest;
+        let number = self.places.len() as u32;
+        self.numbers[place.colour][place.at] = number;
+        self.places.push(place);
+        let (b, charges) = (&b[place.colour], &charges[place.colour]);
+        for group in &self.groups {
+            let now = Vec4::from_array(group.gather(b, place.first));
+            let of_increment = Vec4::from_array(group.gather(charges, place.first));
+            self.residuals.push(Residual { now, before: now, of_increment });
+        }
+        number
+    }
+
+    /// What relaxing a node takes from the energy of a column, as a part of that: the most of any.
+    fn gain(&self, index: usize) -> f32 {
+        let (inverse, groups) = (self.nodes[index].inverse, self.ahead.len());
+        let residuals = &self.residuals[(index + 1) * groups..][..groups];
+        let (ahead, per_energy) = (&self.ahead[..groups], &self.per_energy[..groups]);
+        let mut most = Vec4::ZERO;
+        for group in 0..groups {
+            let residual = residuals[group].now - ahead[group] * residuals[group].of_increment;
+            // In this order, as squares are too small.
+            most = ((residual * inverse) * (residual * per_energy[group])).max(most);
+        }
+        most.max_element()
+    }
+
+    /// Potential and residual of a node, and the residuals beside it.
+    fn relax(&mut self, index: usize, relaxed: usize) {
+        let Self { groups, ahead, nodes, fields, residuals, .. } = self;
+        let (inverse, node, groups) = (nodes[index].inverse, &self.relaxed[relaxed], groups.len());
+        for group in 0..groups {
+            let residual = &mut residuals[(index + 1) * groups + group];
+            let field = &mut fields[relaxed * groups + group];
+            let potential = field.now + (residual.now - ahead[group] * residual.of_increment) * inverse;
+            let change = potential - field.now;
+            field.now = potential;
+            residual.now -= change * node.diagonal;
+            for (&beside, weight) in node.beside.iter().zip(node.weights) {
+                residuals[beside as usize + group].now += change * weight;
+            }
+        }
+    }
+
+    /// Adds what follows from the change of a node to products of all pairs of columns.
+    fn multiply(&mut self) {
+        let Self { changes, products, .. } = self;
+        let mut products = products.iter_mut();
+        for of_s in &*changes {
+            let [potential, charge, of_increment] =
+                [of_s.potential, of_s.charge, of_s.of_increment].map(|of| of.to_array());
+            for s in 0..GROUP {
+                for (of_t, products) in changes.iter().zip(&mut products) {
+                    let energy = of_t.potential * charge[s] - of_t.residual * potential[s];
+                    products[0] += energy.as_dvec4();
+                    products[1] += (of_t.potential * of_increment[s]).as_dvec4();
+                }
+            }
+        }
     }
 }
 
@@ -44,97 +204,144 @@ impl Refreshed<'_> {
         if FEW * nodes.len() > layout.counts.into_iter().product() {
             return;
         }
-        for t in 0..layout.columns {
-            self.room.ahead[t] = self.increment.length(t, self.state.energies[t * layout.columns + t]);
-        }
+        self.list(nodes);
         for _ in 0..SWEEPS {
-            let mut gained = 0.0_f64;
-            for &node in nodes {
-                let place = Place::of(node as usize, &self.of_nodes, &layout);
-                let gain = self.gain(place);
-                if gain > LEAST_GAIN {
-                    self.relax_node(place);
-                    gained += gain;
-                }
-            }
-            if gained <= WORTH_AGAIN {
+            if self.sweep() <= WORTH_AGAIN {
                 break;
             }
         }
+        self.follow_potentials();
+        self.follow_residuals();
+        self.room.clear();
     }
 
-    /// The residual of a node in a column where the fields will be.
-    fn residual_ahead(&self, t: usize, Place { colour, first, .. }: Place) -> f64 {
-        let at = self.finest.layout.in_column(t, first);
-        f64::from(self.finest.b[colour][at]) - self.room.ahead[t] * f64::from(self.finest.charges[colour][at])
-    }
-
-    /// What relaxing a node takes from the energy of a column, as a part of that: the most of any.
-    fn gain(&self, place: Place) -> f64 {
-        let columns = self.finest.layout.columns;
-        let inverse = f64::from(self.finest.stencil.centre[place.colour][place.at]);
-        let gain = |t: usize| {
-            let residual = self.residual_ahead(t, place);
-            residual * residual * inverse / self.state.energies[t * columns + t]
-        };
-        (0..columns).map(gain).fold(0.0, f64::max)
-    }
-
-    /// Potential and residual of the node, residuals of those around it, and all that depends on these.
-    fn relax_node(&mut self, place: Place) {
-        let Place { colour, at, first } = place;
-        let (layout, other) = (self.finest.layout, 1 - colour);
-        let inverse = f64::from(self.finest.stencil.centre[colour][at]);
-        for t in 0..layout.columns {
-            let own = layout.in_column(t, first);
-            let asked = self.residual_ahead(t, place) * inverse;
-            let before = self.potentials.get(colour, own);
-            self.potentials.set(colour, own, before + asked);
-            let change = self.potentials.get(colour, own) - before;
-            let residual = f64::from(self.finest.b[colour][own]);
-            self.room.residuals[t] = residual;
-            self.room.changes[t] = change;
-            self.room.held[t] = self.links.pull(t, layout.columns, place);
-            self.set_residual(t, [colour, first], residual - change / inverse);
+    /// Takes the nodes that are free.
+    fn list(&mut self, nodes: &[u32]) {
+        let Self { of_nodes, finest, increment, state, room, .. } = self;
+        let (layout, finest) = (finest.layout, &**finest);
+        let energy = |column: usize| state.energies[column * layout.columns + column];
+        let own = room.groups.iter().zip(room.ahead.iter_mut().zip(&mut room.per_energy));
+        for (group, (ahead, per_energy)) in own {
+            *ahead = group.of_columns(|column| increment.length(column, energy(column)) as f32);
+            *per_energy = group.of_columns(|column| energy(column).recip() as f32);
         }
-        let weights = self.finest.stencil.weights(colour, at).map(f64::from);
-        let beside = self.of_nodes.around(colour, at).into_iter().zip(layout.around(colour, first));
-        for (weight, (beside, first)) in weights.into_iter().zip(beside) {
-            let is_held = self.finest.stencil.centre[other][beside] == 0.0;
+        room.places.push(Place { colour: 0, at: 0, first: 0 });
+        room.residuals.resize(room.groups.len(), Residual::default());
+        for &node in nodes {
+            let place = Place::of(node as usize, of_nodes, &layout);
+            let inverse = finest.stencil.centre[place.colour][place.at];
+            let is_listed = room.numbers[place.colour][place.at] != 0;
+            if inverse != 0.0 && !is_listed {
+                room.enter(finest, place);
+                room.nodes.push(Node { inverse, relaxed: None });
+            }
+        }
+    }
+
+    /// Relaxes all nodes that are worth it, one after the other. Returns what part of energies that took.
+    fn sweep(&mut self) -> f32 {
+        let mut gained = 0.0;
+        for index in 0..self.room.nodes.len() {
+            let gain = self.room.gain(index);
+            if gain > LEAST_GAIN {
+                let relaxed = self.room.nodes[index].relaxed.unwrap_or_else(|| self.meet(index));
+                self.room.relax(index, relaxed as usize);
+                gained += gain;
+            }
+        }
+        gained
+    }
+
+    /// Takes the potential of a node that is to be relaxed, and what is around it. Returns how many others it is behind.
+    fn meet(&mut self, index: usize) -> u32 {
+        let Self { of_nodes, finest, potentials, links, room, .. } = self;
+        let (finest, place, groups) = (&**finest, room.places[index + 1], room.groups.len());
+        let (layout, other) = (finest.layout, 1 - place.colour);
+        let (number, first) = (room.relaxed.len() as u32, room.fields.len());
+        for group in &room.groups {
+            let now = if potentials.is_single() {
+                potentials.gather(group, place.colour, place.first)
+            } else {
+                Vec4::ZERO
+            };
+            let held = group.of_columns(|column| links.pull(column, layout.columns, place) as f32);
+            room.fields.push(Field { now, before: now, held });
+        }
+        let (mut beside, mut weights) = ([0; 6], finest.stencil.weights(place.colour, place.at));
+        let around = of_nodes.around(place.colour, place.at);
+        let in_vectors = layout.around(place.colour, place.first);
+        for side in 0..6 {
+            let place = Place { colour: other, at: around[side], first: in_vectors[side] };
+            if finest.stencil.centre[other][place.at] != 0.0 {
+                beside[side] = room.number(finest, place) * groups as u32;
+                continue;
+            }
+            for (group, field) in room.groups.iter().zip(&mut room.fields[first..]) {
+                field.held += weights[side] * potentials.gather(group, other, place.first);
+            }
+            weights[side] = 0.0;
+        }
+        let node = &mut room.nodes[index];
+        node.relaxed = Some(number);
+        room.relaxed.push(Relaxed { node: index as u32, diagonal: node.inverse.recip(), beside, weights });
+        number
+    }
+
+    /// Hands over potentials, and what changed with them.
+    fn follow_potentials(&mut self) {
+        let Self { finest, potentials, increment, of_free, room, .. } = self;
+        let (layout, groups) = (finest.layout, room.groups.len());
+        for relaxed in 0..room.relaxed.len() {
+            let number = room.relaxed[relaxed].node as usize + 1;
+            let Place { colour, first, .. } = room.places[number];
+            for group in 0..groups {
+                let field = &room.fields[relaxed * groups + group];
+                let residual = &room.residuals[number * groups + group];
+                room.changes[group] = Change {
+                    potential: field.now - field.before,
+                    residual: residual.before,
+                    charge: field.held - residual.now,
+                    of_increment: residual.of_increment,
+                };
+                potentials.move_to(&room.groups[group], colour, first, field.now);
+            }
+            room.multiply();
+        }
+        for s in 0..layout.columns {
             for t in 0..layout.columns {
-                let at = layout.in_column(t, first);
-                if is_held {
-                    self.room.held[t] += weight * self.potentials.get(other, at);
-                } else {
-                    let residual = f64::from(self.finest.b[other][at]);
-                    self.set_residual(t, [other, first], residual + weight * self.room.changes[t]);
+                let [energy, with_residual] = room.products[s * groups + t / GROUP].map(|of| of[t % GROUP]);
+                if s <= t {
+                    of_free[s * layout.columns + t] += energy;
+                }
+                if increment.is_known {
+                    increment.sums.add_with_residual([s, t], -with_residual);
                 }
             }
         }
-        self.change_energies(1.0 / inverse);
     }
 
-    /// -Σ x r over free rows, of a node that changed: what is held is no part of it.
-    fn change_energies(&mut self, diagonal: f64) {
-        let Room { residuals, changes, held, .. } = &*self.room;
-        for t in 0..changes.len() {
-            for s in 0..=t {
-                self.of_free[s * changes.len() + t] +=
-                    changes[t] * (diagonal * changes[s] - residuals[s] + held[s]) - changes[s] * residuals[t];
+    /// Hands over residuals, and what changed with them.
+    fn follow_residuals(&mut self) {
+        let Self { finest, increment, state, room, .. } = self;
+        let groups = room.groups.len();
+        for (at, group) in room.groups.iter().enumerate() {
+            let (mut squares, mut crossed) = (DVec4::ZERO, DVec4::ZERO);
+            let residuals = room.residuals[at..].iter().step_by(groups);
+            for (place, residual) in room.places.iter().zip(residuals).skip(1) {
+                if residual.now == residual.before {
+                    continue;
+                }
+                let (now, before) = (residual.now.as_dvec4(), residual.before.as_dvec4());
+                squares += now * now - before * before;
+                crossed += residual.of_increment.as_dvec4() * (now - before);
+                group.scatter(&mut finest.b[place.colour], place.first, residual.now);
             }
-        }
-    }
-
-    fn set_residual(&mut self, t: usize, [colour, first]: [usize; 2], residual: f64) {
-        let layout = self.finest.layout;
-        let at = layout.in_column(t, first);
-        let before = std::mem::replace(&mut self.finest.b[colour][at], residual as f32);
-        let [before, now] = [before, residual as f32].map(f64::from);
-        self.state.residual[t] += now * now - before * before;
-        if self.increment.is_known {
-            let charge = f64::from(self.finest.charges[colour][at]);
-            let d = |s| f64::from(self.increment.fields[colour][layout.in_column(s, first)]);
-            self.increment.sums.change_residual(t, d, [now, before], charge);
+            for (lane, column) in group.columns().enumerate() {
+                state.residual[column] += squares[lane];
+                if increment.is_known {
+                    increment.sums.add_crossed(column, crossed[lane]);
+                }
+            }
         }
     }
 }

@@ -27,6 +27,7 @@ struct Scene {
     matrix: StiffnessMatrix,
     occupancy: Occupancy,
     fixed: Vec<bool>,
+    columns: usize,
     solver: LatticeSolver,
 }
 
@@ -41,6 +42,10 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 
 impl Scene {
     fn new() -> Self {
+        Self::with_columns(COLUMNS)
+    }
+
+    fn with_columns(columns: usize) -> Self {
         let axis = |planes: usize, low: usize| -> Vec<f64> {
             let last = planes - 1;
             (0..planes).map(|i| ((i * (i + low)) as f64) / (last * (last + low)) as f64).collect()
@@ -54,12 +59,13 @@ impl Scene {
         let fixed: Vec<bool> = terminals.iter().map(|&terminal| terminal != FREE).collect();
         let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
         let matrix = StiffnessMatrix::new(network, mesh.nodes().len());
-        let mut solver = LatticeSolver::new(&lattice, COLUMNS, 2, &fixed, Workers::default());
+        let mut solver = LatticeSolver::new(&lattice, columns, 2, &fixed, Workers::default());
         let mut next = noise(7);
         for (node, _) in fixed.iter().enumerate().filter(|(_, fixed)| !**fixed) {
-            (0..COLUMNS).for_each(|column| solver.set_potential(column, node, next()));
+            (0..columns).for_each(|column| solver.set_potential(column, node, next()));
         }
-        let mut scene = Self { nodes: mesh.nodes().to_vec(), terminals, matrix, occupancy, fixed, solver };
+        let nodes = mesh.nodes().to_vec();
+        let mut scene = Self { nodes, terminals, matrix, occupancy, fixed, columns, solver };
         scene.refresh();
         scene
     }
@@ -97,7 +103,7 @@ impl Scene {
             let is_held = conductors[node as usize] != NO_OBJECT;
             self.fixed[node as usize] = is_held;
             if is_held {
-                (0..COLUMNS).for_each(|column| self.solver.set_potential(column, node as usize, 0.0));
+                (0..self.columns).for_each(|column| self.solver.set_potential(column, node as usize, 0.0));
             }
         }
         let changed: Vec<u32> =
@@ -197,6 +203,39 @@ fn the_residual_of_changed_rows_is_that_computed_everywhere() {
             assert!(are_near(&followed.energies, energies, 1e-6), "{corner}: {followed:?} {energies:?}");
             assert!(are_near(&followed.residual, residual, 1e-5), "{corner}: {followed:?} {residual:?}");
             assert_eq!(&followed.charge, charge, "{corner}");
+        }
+    }
+}
+
+/// One column, and more than are relaxed together.
+#[test]
+fn relaxed_nodes_are_followed_in_any_number_of_columns() {
+    for columns in [1, 6] {
+        let mut scene = Scene::with_columns(columns);
+        scene.solver.evaluate();
+        for (corner, single) in [(0.1, false), (0.15, true), (0.2, true)] {
+            if single && !scene.solver.is_single() {
+                scene.solver.change_precision(&scene.matrix);
+                scene.solver.evaluate();
+            }
+            let potentials = |scene: &Scene| -> Vec<f64> {
+                let all = 0..scene.nodes.len() * columns;
+                all.map(|at| scene.solver.potential(at % columns, at / columns)).collect()
+            };
+            let before = potentials(&scene);
+            scene.step(corner);
+            let now = potentials(&scene);
+            let are_free = |node: usize| !scene.fixed[node];
+            let relaxed = (0..before.len()).filter(|&at| are_free(at / columns) && before[at] != now[at]);
+            assert!(relaxed.count() > 10 * columns);
+            let followed = scene.solver.state().clone();
+            scene.solver.evaluate();
+            let State { energies, residual, .. } = scene.solver.state();
+            let largest = energies.iter().copied().fold(0.0, f64::max);
+            let pairs = || followed.energies.iter().zip(energies);
+            assert!(pairs().all(|(a, b)| (a - b).abs() <= 1e-6 * largest), "{followed:?} {energies:?}");
+            let mut pairs = followed.residual.iter().zip(residual);
+            assert!(pairs.all(|(a, b)| (a - b).abs() <= 1e-5 * b), "{followed:?} {residual:?}");
         }
     }
 }
