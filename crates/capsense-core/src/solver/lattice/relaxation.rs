@@ -18,11 +18,11 @@ use super::refreshed::Refreshed;
 use glam::{DVec4, Vec4};
 
 /// How often the nodes are gone through at most, and what part of any column's energy that must have taken to be done again.
-const SWEEPS: usize = 4;
-const WORTH_AGAIN: f32 = 1e-4;
+const SWEEPS: usize = 10;
+const WORTH_AGAIN: f32 = 1e-5;
 
-/// A node is left as it is while that would take no more than this part of any column's energy.
-const LEAST_GAIN: f32 = 1e-7;
+/// Nodes are left as they are while all of them together would take no more than this part of any column's energy.
+const LEAST_GAIN: f32 = 1e-5;
 
 /// Where more than one node in so many has changed, the fields are another scene's.
 const FEW: usize = 8;
@@ -205,8 +205,9 @@ impl Refreshed<'_> {
             return;
         }
         self.list(nodes);
+        let least = LEAST_GAIN / self.room.nodes.len().max(1) as f32;
         for _ in 0..SWEEPS {
-            if self.sweep() <= WORTH_AGAIN {
+            if self.sweep(least) <= WORTH_AGAIN {
                 break;
             }
         }
@@ -238,12 +239,12 @@ impl Refreshed<'_> {
         }
     }
 
-    /// Relaxes all nodes that are worth it, one after the other. Returns what part of energies that took.
-    fn sweep(&mut self) -> f32 {
+    /// Relaxes all nodes that take more than such a part of energies, one after the other. Returns what part all of them took.
+    fn sweep(&mut self, least: f32) -> f32 {
         let mut gained = 0.0;
         for index in 0..self.room.nodes.len() {
             let gain = self.room.gain(index);
-            if gain > LEAST_GAIN {
+            if gain > least {
                 let relaxed = self.room.nodes[index].relaxed.unwrap_or_else(|| self.meet(index));
                 self.room.relax(index, relaxed as usize);
                 gained += gain;
