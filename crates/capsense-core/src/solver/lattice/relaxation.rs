@@ -18,11 +18,11 @@ use super::refreshed::Refreshed;
 use glam::{DVec4, Vec4};
 
 /// How often the nodes are gone through at most, and what part of any column's energy that must have taken to be done again.
-const SWEEPS: usize = 10;
-const WORTH_AGAIN: f32 = 1e-5;
+const SWEEPS: usize = 6;
+const WORTH_AGAIN: f32 = 3e-5;
 
 /// Nodes are left as they are while all of them together would take no more than this part of any column's energy.
-const LEAST_GAIN: f32 = 1e-5;
+const LEAST_GAIN: f32 = 3e-5;
 
 /// Where more than one node in so many has changed, the fields are another scene's.
 const FEW: usize = 8;
