@@ -316,7 +316,8 @@ impl FieldSolver {
             let worst = errors
                 .filter(|(column, (energy, _))| *energy > 0.0 && allowed[*column] < f64::INFINITY)
                 .map(|(column, (energy, to_come))| {
-                    demand.error_of_capacitance(column, to_come / energy + FINEST_IN_SINGLE_PRECISION)
+                    let rounding = FINEST_IN_SINGLE_PRECISION + fields.lost_in_gaps(column, energy);
+                    demand.error_of_capacitance(column, to_come / energy + rounding)
                 })
                 .fold(0.0, f64::max);
             report.relative_error = worst;

@@ -17,6 +17,9 @@ pub const NO_HOLDER: u32 = u32::MAX;
 /// The holder of a node at 0 V in every column.
 pub const HELD_AT_ZERO: u32 = u32::MAX - 1;
 
+/// What single precision makes of the width of a gap, in parts of an edge. Seen at most: 2e-7.
+const ROUNDING_OF_GAPS: f64 = 1e-6;
+
 /// What a lattice's nodes are and how many fields there are, before anything is known of K.
 #[derive(Clone, Debug)]
 pub struct RemoteProblem {
@@ -245,6 +248,9 @@ pub(crate) struct RemoteSolver {
     read: Vec<OnceLock<Vec<f32>>>,
     /// What was found of objects elsewhere, if they are found there.
     found: Option<Found>,
+    /// Of objects found elsewhere: each column's energy if all around what holds it were at 0 V in the empty scene. Where no gap
+    /// is narrower than an edge, there is no more.
+    most_without_gaps: Vec<f64>,
 }
 
 impl Clone for RemoteSolver {
@@ -267,6 +273,7 @@ impl Clone for RemoteSolver {
             failed: self.failed.clone(),
             read: vec![OnceLock::new(); columns],
             found: self.found.clone(),
+            most_without_gaps: self.most_without_gaps.clone(),
         }
     }
 }
@@ -292,6 +299,7 @@ impl RemoteSolver {
             changed_feeds: Vec::new(),
             failed: None,
             read: vec![OnceLock::new(); columns],
+            most_without_gaps: Vec::new(),
         }
     }
 
@@ -365,12 +373,37 @@ impl RemoteSolver {
             }
         }
         self.collect_feeds(matrix);
+        if self.found.is_some() && self.most_without_gaps.is_empty() {
+            self.most_without_gaps = self.energies_in_nothing(matrix);
+        }
         self.is_changed |= !(changed.is_empty() && self.changed_feeds.is_empty());
         let network = NetworkRows { rows: &self.network_rows, weights: &self.weights };
         let changes =
             Changes { rows: &self.rows, network, feeds: &self.changed_feeds, emptied: &self.emptied };
         self.failed = self.remote.update(changes).err().or(self.failed.take());
         self.emptied.clear();
+    }
+
+    /// Each column's energy if all around what holds it were at 0 V.
+    fn energies_in_nothing(&self, matrix: &StiffnessMatrix) -> Vec<f64> {
+        let mut energies = vec![0.0; self.columns];
+        for (node, holder) in self.holders.iter().enumerate() {
+            let Some(column) = holder else { continue };
+            let leaves = matrix.row(node).filter(|(other, _)| self.holders[*other] != *holder);
+            energies[*column as usize] += leaves.map(|(_, weight)| weight).sum::<f64>();
+        }
+        for (_, row, weight) in matrix.links() {
+            let potentials = &self.bodies[(row - self.nodes) * self.columns..][..self.columns];
+            energies.iter_mut().zip(potentials).for_each(|(energy, volts)| *energy += weight * volts * volts);
+        }
+        energies
+    }
+
+    /// What single precision makes of a column's energy in gaps that are narrower than edges, in parts of it. Charges across a
+    /// gap are inverse to its width, and single precision knows widths as parts of an edge.
+    pub(crate) fn lost_in_gaps(&self, column: usize, energy: f64) -> f64 {
+        let most = self.most_without_gaps.get(column).filter(|most| **most > 0.0);
+        most.map_or(0.0, |most| ROUNDING_OF_GAPS * (energy / most - 1.0).max(0.0))
     }
 
     fn collect_feeds(&mut self, matrix: &StiffnessMatrix) {

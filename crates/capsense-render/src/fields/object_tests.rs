@@ -300,7 +300,9 @@ proptest! {
                 let apart = difference(ours.capacitance(), expected.capacitance());
                 let told = report.unwrap().solve.relative_error.max(ERROR);
                 prop_assert!(apart < told, "{apart:e} {told:e} in frame {frame} of {:?}", thrown[scene]);
-                prop_assert!(told < 1.2 * ERROR || !ours.contacts().is_empty(), "{told:e}");
+                // Through a narrow gap electrodes have more than the 3 to 7 pF of all else.
+                let narrow = (0..3).any(|i| ours.capacitance().get(i, i) > 2e-11);
+                prop_assert!(told < 1.2 * ERROR || narrow || !ours.contacts().is_empty(), "{told:e}");
                 prop_assert_eq!(ours.contacts(), expected.contacts());
             }
         }
@@ -471,5 +473,30 @@ fn where_a_scene_is_in_a_batch_does_not_matter() {
         let apart: Vec<f64> =
             batch.simulators().iter().map(|one| difference(one.capacitance(), first)).collect();
         assert!(apart.iter().all(|apart| *apart == 0.0), "{apart:?} {frame:?}");
+    }
+}
+
+/// A bar touches an electrode with one corner: what is left of gaps makes C four hundred times as large, and single precision knows
+/// it to a few hundred-thousandths. This is told as an error of C, and of no other frame.
+#[test]
+fn what_rounding_makes_of_a_contact_is_told() {
+    let sensor = sensor(9_000, false, Wall::Grounded);
+    let camera =
+        Camera { view: OrthographicView { domain: DOMAIN, width: 60, height: 50 }, back_fill: false };
+    let objects = Objects { shapes: shapes()[..1].to_vec(), materials: vec![GROUNDED] };
+    let mut both = Both::new(&sensor, camera, &objects);
+    for touches in [false, true] {
+        let place = if touches {
+            [-0.0925055717338743, -0.07626012536760875, 0.05473576447549839]
+        } else {
+            [-0.12284708678432084, 0.03045739541048825, 0.18112400657668903]
+        };
+        let (apart, told) = both.step(&[pose(place, DVec3::new(0.3, 1.0, 0.2), 1.4441910542948198)]);
+        let c = both.expected.capacitance();
+        println!("C11 {:.2e}: {apart:.1e}, told {told:.1e}", c.get(0, 0));
+        assert!(both.ours.contacts().is_empty() != touches && apart < told.max(ERROR), "{apart:e} {told:e}");
+        assert_eq!(c.get(0, 0) > 1e-9, touches, "{:e}", c.get(0, 0));
+        assert_eq!(told > 1.2 * ERROR, touches, "{told:e}");
+        assert!(told < 1e-3, "{told:e}");
     }
 }
