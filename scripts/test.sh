@@ -41,6 +41,8 @@ section "Documentation"
 RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps --locked
 
 section "Tests"
+# Tests that throw dice throw the same ones each time, so that what passes once passes again. Other seeds find other faults.
+export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-1}"
 cargo test --workspace --locked
 
 section "Benches, one pass each"
