@@ -13,7 +13,7 @@ use crate::units::VACUUM_PERMITTIVITY;
 use crate::workers::{Awake, Workers};
 
 /// After so many edges it is looked at again whether the bounds still are of use.
-const EDGES_BETWEEN_LOOKS: usize = 64;
+const EDGES_BETWEEN_LOOKS: usize = 8;
 
 /// The potential of every row with one terminal at 1 V and all others at 0 V, one column for each terminal that needs
 /// one: electrodes, then objects that find their own potential.

@@ -6,6 +6,7 @@
 
 use super::crossing::{NOWHERE, hull, larger, smaller};
 use super::{DepthLayers, Regions};
+use crate::workers::vectorised;
 use std::ops::Range;
 
 /// Pixels that are looked at together.
@@ -41,9 +42,14 @@ impl Comparison {
         let (width, height) = (now.view().width, now.view().height);
         let images = [&*before, now];
         let pairs = [images.map(|image| image.front(object)), images.map(|image| image.back(object))];
-        for (difference, pair) in self.differences.iter_mut().zip(pairs) {
-            difference.mark(width, pair);
-        }
+        vectorised(
+            #[inline(always)]
+            || {
+                for (difference, pair) in self.differences.iter_mut().zip(pairs) {
+                    difference.mark(width, pair);
+                }
+            },
+        );
         let columns = self.columns_near(0..height, width);
         if columns.is_empty() {
             return;
@@ -55,7 +61,10 @@ impl Comparison {
             stack.reach = (SMALL * spacing / f64::from(pixel)) as usize;
             stack.slack = larger(pixel, (THIN * spacing) as f32);
         }
-        self.compare_rows(width, &columns, pairs, now.jump());
+        vectorised(
+            #[inline(always)]
+            || self.compare_rows(width, &columns, pairs, now.jump()),
+        );
         for stack in &mut self.stacks {
             boxes.extend(stack.done.drain(..).map(|b| now.pixel_box(b.columns, b.rows, b.depths)));
         }
@@ -66,6 +75,7 @@ impl Comparison {
     }
 
     /// Finds boxes row by row; all that differs is in some columns, at least one away from their ends if there is one.
+    #[inline(always)]
     fn compare_rows(&mut self, width: usize, columns: &Range<usize>, pairs: [Pair<'_>; 2], jump: f32) {
         let height = self.differences[0].rows.len();
         let mut next = 0;
@@ -98,6 +108,7 @@ impl Comparison {
     }
 
     /// Columns beside which something differs in some rows.
+    #[inline(always)]
     fn columns_near(&self, rows: Range<usize>, width: usize) -> Range<usize> {
         let differing = self.differences.iter().flat_map(|of| &of.rows[rows.clone()]);
         let [first, end] = differing.fold([width, 0], |[a, b], [c, d]| [a.min(*c), b.max(*d)]);
@@ -141,12 +152,14 @@ impl Band {
         }
     }
 
+    #[inline(always)]
     fn copy_from(&mut self, columns: Range<usize>, other: &Self) {
         self.bits[columns.clone()].copy_from_slice(&other.bits[columns.clone()]);
         self.low[columns.clone()].copy_from_slice(&other.low[columns.clone()]);
         self.high[columns.clone()].copy_from_slice(&other.high[columns]);
     }
 
+    #[inline(always)]
     fn include(&mut self, columns: Range<usize>, other: &Self) {
         let bits = self.bits[columns.clone()].iter_mut().zip(&other.bits[columns.clone()]);
         bits.for_each(|(bits, other)| *bits |= other);
@@ -159,22 +172,25 @@ impl Band {
 
 impl Difference {
     /// Marks rows that are not the same bit for bit.
+    #[inline(always)]
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
         self.lines.iter_mut().for_each(|line| line.resize(width + 2));
         self.upright.resize(width + 2);
         self.around.resize(width);
-        self.rows.clear();
-        self.rows.extend(before.chunks_exact(width).zip(now.chunks_exact(width)).map(|(before, now)| {
-            if differing_bits(before, now).fold(0, |all, bits| all | bits) == 0 {
-                return [width, 0];
+        self.rows.resize(now.len() / width, [width, 0]);
+        let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
+        for (differing, (before, now)) in self.rows.iter_mut().zip(rows) {
+            *differing = [width, 0];
+            if differing_bits(before, now).fold(0, |all, bits| all | bits) != 0 {
+                let first = differing_bits(before, now).position(|bits| bits != 0).unwrap_or(width);
+                let end = differing_bits(before, now).rposition(|bits| bits != 0).map_or(0, |last| last + 1);
+                *differing = [first, end];
             }
-            let first = differing_bits(before, now).position(|bits| bits != 0).unwrap_or(width);
-            let last = differing_bits(before, now).rposition(|bits| bits != 0).map_or(0, |last| last + 1);
-            [first, last]
-        }));
+        }
     }
 
     /// Takes what is in one row, in some columns and those beside them.
+    #[inline(always)]
     fn take_line(&mut self, width: usize, columns: &Range<usize>, row: usize, [before, now]: Pair<'_>) {
         let beside = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
         let padded = beside.start + 1..beside.end + 1;
@@ -190,6 +206,7 @@ impl Difference {
     }
 
     /// Finds what is around the pixels of one row: first takes three rows together, then three columns.
+    #[inline(always)]
     fn gather(&mut self, columns: &Range<usize>, row: usize, rows: Range<usize>) {
         let Self { lines, upright, around, .. } = self;
         let padded = columns.start..columns.end + 2;
@@ -215,6 +232,7 @@ impl Difference {
 }
 
 /// The bits in which depths differ.
+#[inline(always)]
 fn differing_bits(before: &[f32], now: &[f32]) -> impl ExactSizeIterator<Item = u32> + DoubleEndedIterator {
     before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits())
 }
@@ -236,19 +254,22 @@ struct Strip<'a> {
 impl Strip<'_> {
     /// Where answers may differ because of the fronts, and because of the backs, in the pixels from some column on. Those
     /// that see the object in one of the images only count with the front. `None` if nothing is different.
-    #[inline]
+    #[inline(always)]
     fn may_differ(&self, column: usize) -> Option<[Depths; 2]> {
         let end = self.own[FRONT][0].len();
-        let bits = [FRONT, BACK].map(|side| lanes(&self.differences[side].around.bits[..end], column, 0));
+        let bits_of = |side: usize| lanes(&self.differences[side].around.bits[..end], column, 0);
+        let bits = [bits_of(FRONT), bits_of(BACK)];
         if bits.iter().flatten().fold(0, |all, bits| all | bits) == 0 {
             return None;
         }
-        let [front, back] = [FRONT, BACK].map(|side| {
-            let missed = [f32::INFINITY, f32::NEG_INFINITY][side];
-            self.own[side].map(|surface| lanes(surface, column, missed))
-        });
-        let [of_front, of_back] =
-            [(FRONT, &front), (BACK, &back)].map(|(side, own)| self.depths_around(side, column, own));
+        let images = |side: usize, missed: f32| {
+            let [before, now] = self.own[side];
+            [lanes(before, column, missed), lanes(now, column, missed)]
+        };
+        // Mapped arrays may become calls, which are compiled without the processor's extensions.
+        let (front, back) = (images(FRONT, f32::INFINITY), images(BACK, f32::NEG_INFINITY));
+        let (of_front, of_back) =
+            (self.depths_around(FRONT, column, &front), self.depths_around(BACK, column, &back));
         let sees = |image: usize, i: usize| front[image][i] <= back[image][i];
         let both = |i: usize| sees(0, i) & sees(1, i);
         let one = |i: usize| sees(0, i) ^ sees(1, i);
@@ -268,7 +289,7 @@ impl Strip<'_> {
 
     /// The intervals around all that interpolation may make of pixels' depths in both images: values between those of
     /// their neighbours that are no jump away.
-    #[inline]
+    #[inline(always)]
     fn depths_around(&self, side: usize, column: usize, own: &[[f32; LANES]; 2]) -> Depths {
         let end = self.own[FRONT][0].len();
         let Band { low, high, .. } = &self.differences[side].around;
@@ -282,7 +303,7 @@ impl Strip<'_> {
 }
 
 /// Successive values from an index on, and others behind the last.
-#[inline]
+#[inline(always)]
 fn lanes<T: Copy>(values: &[T], at: usize, others: T) -> [T; LANES] {
     let rest = values.get(at..).unwrap_or_default();
     match rest.first_chunk() {
@@ -316,7 +337,7 @@ struct BoxStack {
 
 impl BoxStack {
     /// Adds pixels from some column on; columns come in increasing order.
-    #[inline]
+    #[inline(always)]
     fn add_lanes(&mut self, column: usize, row: usize, Depths { low, high }: &Depths) {
         let lowest = low.iter().fold(NOWHERE[0], |a, b| smaller(a, *b));
         let highest = high.iter().fold(NOWHERE[1], |a, b| larger(a, *b));
@@ -386,6 +407,7 @@ impl BoxStack {
 }
 
 /// A depth as an interval; that of a ray which misses is empty.
+#[inline(always)]
 fn interval(depth: f32) -> [f32; 2] {
     let [nowhere_low, nowhere_high] = NOWHERE;
     let low = if depth == f32::NEG_INFINITY { nowhere_low } else { depth };

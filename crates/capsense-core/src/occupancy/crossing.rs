@@ -24,16 +24,19 @@ enum Side {
 pub(super) const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
 
 /// The interval around two.
+#[inline(always)]
 pub(super) fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
     [smaller(a[0], b[0]), larger(a[1], b[1])]
 }
 
 /// The smaller of two numbers; simpler than [`f32::min`], as neither is NaN.
+#[inline(always)]
 pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
 }
 
 /// The larger of two numbers.
+#[inline(always)]
 pub(super) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }

@@ -17,7 +17,7 @@ pub const NO_HOLDER: u32 = u32::MAX;
 /// The holder of a node at 0 V in every column.
 pub const HELD_AT_ZERO: u32 = u32::MAX - 1;
 
-/// What single precision makes of the width of a gap, in parts of an edge. Seen at most: 2e-7.
+/// What single precision makes of the width of a gap in parts of an edge, and of potentials across it. Seen at most: 2e-7.
 const ROUNDING_OF_GAPS: f64 = 1e-6;
 
 /// What a lattice's nodes are and how many fields there are, before anything is known of K.
@@ -248,8 +248,8 @@ pub(crate) struct RemoteSolver {
     read: Vec<OnceLock<Vec<f32>>>,
     /// What was found of objects elsewhere, if they are found there.
     found: Option<Found>,
-    /// Of objects found elsewhere: each column's energy if all around what holds it were at 0 V in the empty scene. Where no gap
-    /// is narrower than an edge, there is no more.
+    /// Each column's energy if all around what holds it were at 0 V in the first scene, the empty one. Where no gap is narrower
+    /// than an edge, there is no more.
     most_without_gaps: Vec<f64>,
 }
 
@@ -373,7 +373,7 @@ impl RemoteSolver {
             }
         }
         self.collect_feeds(matrix);
-        if self.found.is_some() && self.most_without_gaps.is_empty() {
+        if self.most_without_gaps.is_empty() {
             self.most_without_gaps = self.energies_in_nothing(matrix);
         }
         self.is_changed |= !(changed.is_empty() && self.changed_feeds.is_empty());
@@ -400,7 +400,8 @@ impl RemoteSolver {
     }
 
     /// What single precision makes of a column's energy in gaps that are narrower than edges, in parts of it. Charges across a
-    /// gap are inverse to its width, and single precision knows widths as parts of an edge.
+    /// gap are inverse to its width and go with the difference of potentials across it, and single precision knows widths as parts
+    /// of an edge and differences as parts of a volt.
     pub(crate) fn lost_in_gaps(&self, column: usize, energy: f64) -> f64 {
         let most = self.most_without_gaps.get(column).filter(|most| **most > 0.0);
         most.map_or(0.0, |most| ROUNDING_OF_GAPS * (energy / most - 1.0).max(0.0))
