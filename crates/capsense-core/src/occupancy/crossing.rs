@@ -68,22 +68,29 @@ impl Quarter {
     fn span(&self, ends: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
         let at_start = self.at(ends[0]);
         let at_end = if ends[0] == ends[1] { at_start } else { self.at(ends[1]) };
-        let depth_inside = |z: f64, [front, back]: [f64; 2]| [z - front, back - z];
-        let (at_start, at_end) = (depth_inside(z[0], at_start), depth_inside(z[1], at_end));
-        let mut part = [0.0, 1.0];
-        for side in 0..2 {
-            let (s, e) = (at_start[side], at_end[side]);
-            match (s > 0.0, e > 0.0) {
-                (true, true) => {}
-                (false, false) => return None,
-                (true, false) => part[1] = f64::min(part[1], s / (s - e)),
-                (false, true) => part[0] = f64::max(part[0], s / (s - e)),
-            }
-        }
-        // Exactly the end where there is no crossing, so that the whole of an edge inside is [0, 1] in any pieces.
-        let at = |part: f64| if part == 1.0 { t[1] } else { t[0] + part * (t[1] - t[0]) };
-        (part[0] < part[1]).then(|| Span { enter: at(part[0]), exit: at(part[1]) })
+        span_behind([at_start, at_end], z, t)
     }
+}
+
+/// The part of a segment, given by its depths at two parameters, that is behind a front and before a back, which are straight lines
+/// between where they are there.
+#[inline]
+pub(super) fn span_behind([at_start, at_end]: [[f64; 2]; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+    let depth_inside = |z: f64, [front, back]: [f64; 2]| [z - front, back - z];
+    let (at_start, at_end) = (depth_inside(z[0], at_start), depth_inside(z[1], at_end));
+    let mut part = [0.0, 1.0];
+    for side in 0..2 {
+        let (s, e) = (at_start[side], at_end[side]);
+        match (s > 0.0, e > 0.0) {
+            (true, true) => {}
+            (false, false) => return None,
+            (true, false) => part[1] = f64::min(part[1], s / (s - e)),
+            (false, true) => part[0] = f64::max(part[0], s / (s - e)),
+        }
+    }
+    // Exactly the end where there is no crossing, so that the whole of an edge inside is [0, 1] in any pieces.
+    let at = |part: f64| if part == 1.0 { t[1] } else { t[0] + part * (t[1] - t[0]) };
+    (part[0] < part[1]).then(|| Span { enter: at(part[0]), exit: at(part[1]) })
 }
 
 impl DepthLayers {

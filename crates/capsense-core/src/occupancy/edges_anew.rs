@@ -123,7 +123,7 @@ impl Room {
             let coupling = self.look_around(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
             return Found { ends, coupling, is_met: false };
         }
-        scene.find_spans(ends, spans);
+        sight.walls.find_spans(scene, (edge, ends), spans);
         for contact in scene.contacts(ends, spans) {
             contacts.push((edge as u32, contact));
         }

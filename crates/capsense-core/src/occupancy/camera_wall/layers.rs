@@ -4,8 +4,9 @@ use super::RAYS;
 use super::dual_face::DualFace;
 use crate::geometry::Aabb;
 use crate::mesh::Lattice;
-use crate::occupancy::Scene;
+use crate::occupancy::crossing::span_behind;
 use crate::occupancy::index_set::IndexSet;
+use crate::occupancy::{Scene, Span};
 
 /// The faces of a body that a ray misses.
 const MISSED: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -53,6 +54,17 @@ impl RayLayers {
     /// Forgets all.
     pub(super) fn clear(&mut self) {
         self.faces.clear();
+    }
+
+    /// Collects the objects on an edge along the ray through a column of nodes, in the order in which they are listed, as if the edge
+    /// had been asked for each.
+    #[inline]
+    pub(super) fn find_spans(&self, column: usize, depths: [f64; 2], spans: &mut Vec<(u16, Span)>) {
+        spans.clear();
+        for (object, faces) in self.faces.iter().enumerate() {
+            let span = span_behind([faces[column]; 2], depths, [0.0, 1.0]);
+            spans.extend(span.map(|span| (object as u16, span)));
+        }
     }
 
     /// The object that is between the planes beside along one of two rays alone, if it is the only one there.

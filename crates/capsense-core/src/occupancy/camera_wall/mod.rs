@@ -149,6 +149,23 @@ impl CameraWalls {
         });
     }
 
+    /// Collects the objects that an edge passes through, in the order in which they are listed. What is on the rays is known.
+    #[inline]
+    pub(super) fn find_spans(
+        &self,
+        scene: &Scene<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        spans: &mut Vec<(u16, Span)>,
+    ) {
+        match scene.mesh.edges {
+            Edges::Lattice(lattice) if scene.has_camera_walls && edge % 3 == RAYS => {
+                let depths = ends.map(|node| scene.mesh.nodes[node as usize].z);
+                self.layers.find_spans(ends[0] as usize % lattice.strides()[RAYS], depths, spans);
+            }
+            _ => scene.find_spans(ends, spans),
+        }
+    }
+
     /// Corrects what the edge rule makes of an edge for walls of a body that are along the rays: beside an edge across these, and around
     /// an end of one along them. `on_edge` are the spans of the edge, `held` tells the conductors that hold nodes. Where other objects
     /// are as well, the edge rule stays.
