@@ -6,7 +6,7 @@
 use super::coarsening::{Across, add_lost, divide_value, divide_weights, put_in_series};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
-use super::rows::{copy, single};
+use super::rows::{vectors, vectors_mut};
 use super::shares::Shares;
 use super::stage::Stage;
 use pulp::{Simd, WithSimd};
@@ -20,8 +20,6 @@ pub(super) struct CoarseRow {
     /// Weights to the next nodes along each axis.
     pub(super) next: [Vec<f32>; 3],
     pub(super) leak: Vec<f32>,
-    /// What eliminated nodes couple besides, of those after the coarse nodes and of those before.
-    besides: [Vec<f32>; 2],
     behind: Behind,
 }
 
@@ -36,15 +34,12 @@ struct Behind {
 }
 
 /// Eliminated nodes on one side of successive coarse ones.
-struct Eliminated<'a> {
-    exists: &'a [f32],
-    /// Weights to the coarse nodes.
-    along: &'a [f32],
-    /// Weights from the nodes before and to those after along the other axes.
-    across: [[&'a [f32]; 2]; 2],
-    /// Their shares in the coarse nodes and in those on their other side, and where these shares are.
-    shares: [&'a Shares; 2],
-    place: usize,
+struct Eliminated<'a, S: Simd> {
+    exists: &'a [S::f32s],
+    /// Their shares in the coarse nodes and in those on their other side.
+    shares: [&'a [S::f32s]; 2],
+    /// What is along the other axes.
+    across: [Across<'a, S>; 2],
 }
 
 /// The shares of all eliminated nodes that changed, and what that reaches. Compiled once for each set of instructions that
@@ -64,7 +59,6 @@ impl WithSimd for Share<'_> {
         let Self { stage, row: room, fine, changed } = self;
         for row in 0..changed.rows() {
             let (nodes, j, k) = changed.row(row);
-            stage.reach_beside(nodes.clone(), j, k);
             let are_others = if stage.axis == 0 {
                 stage.share_among_picked(simd, room, fine, &nodes, j, k)
             } else {
@@ -72,6 +66,8 @@ impl WithSimd for Share<'_> {
             };
             if are_others {
                 stage.reach_across(nodes, j, k);
+            } else {
+                stage.reach_beside(nodes, j, k);
             }
         }
     }
@@ -95,15 +91,13 @@ impl CoarseRow {
             Behind::default()
         };
         let next = [zeros(), zeros(), zeros()];
-        Self { exists, next, leak: zeros(), besides: [zeros(), zeros()], behind }
+        Self { exists, next, leak: zeros(), behind }
     }
 
     /// Zeros for all but where nodes are.
     pub(super) fn clear(&mut self) {
-        let Self {
-            next, leak, besides, behind: Behind { next: beyond, leak: leak_behind, previous }, ..
-        } = self;
-        let weights = next.iter_mut().chain(besides).chain(beyond).chain(previous);
+        let Self { next, leak, behind: Behind { next: beyond, leak: leak_behind, previous }, .. } = self;
+        let weights = next.iter_mut().chain(beyond).chain(previous);
         weights.chain([leak, leak_behind]).for_each(|numbers| numbers.fill(0.0));
     }
 }
@@ -149,10 +143,10 @@ impl Stage {
         k: usize,
     ) -> bool {
         let nodes = whole_blocks(&self.reach(nodes.clone()));
-        let (own, planes, n) = (fine.index([0, j, k]), &self.fine_plane, nodes.len());
+        let (own, n) = (fine.index([0, j, k]), nodes.len());
         let CoarseRow { exists, next: [before, ..], behind, .. } = room;
-        pick_pairs(before, &mut behind.next[0], &fine.next[0][own..], planes, &nodes);
-        pick(&mut behind.leak, &fine.leak[own + 1..], planes, &nodes);
+        self.picks.pick_pairs(before, &mut behind.next[0], &fine.next[0][own..], &nodes);
+        self.picks.pick(&mut behind.leak, &fine.leak[own + 1..], &nodes);
         let here = BLOCK + nodes.start..BLOCK + nodes.end;
         let weights = [&before[here.clone()], &behind.next[0][here.clone()], &behind.leak[here.clone()]];
         let place = self.previous.place([nodes.start, j, k]);
@@ -160,9 +154,9 @@ impl Stage {
         divide_value(simd, &exists[here], weights, shares)
     }
 
-    /// Row (j, k) as the fine rows at it make it.
+    /// Row (j, k) as the fine rows at it make it, along y or z.
     #[inline(always)]
-    pub(super) fn collect_rows<S: Simd>(
+    pub(super) fn collect_rows<S: Simd, const AXIS: usize>(
         &self,
         simd: S,
         room: &mut CoarseRow,
@@ -172,56 +166,32 @@ impl Stage {
         k: usize,
     ) {
         let at = self.fine_node([nodes.start, j, k]);
-        let plane = at[self.axis];
-        let (has_next, has_previous) =
-            (self.is_eliminated(plane + 1), self.is_eliminated(plane.wrapping_sub(1)));
-        let (own, n, stride) = (fine.index(at), nodes.len(), fine.strides[self.axis]);
-        let here = BLOCK + nodes.start..BLOCK + nodes.end;
-        let CoarseRow { exists, next, leak, besides, .. } = room;
-        let (exists, leak) = (&exists[here.clone()], &mut leak[here.clone()]);
-        let [after, before] = besides.each_mut().map(|besides| &mut besides[here.clone()]);
-        after.fill(0.0);
-        let [x, y, z] = next;
-        copy::<S>(&mut x[here.clone()], &fine.next[0][own..own + n]);
-        copy::<S>(&mut y[here.clone()], &fine.next[1][own..own + n]);
-        copy::<S>(&mut z[here.clone()], &fine.next[2][own..own + n]);
-        copy_leaks(simd, leak, &fine.leak[own..own + n]);
-        // Across y, that is along z and x; across z, along x and y.
-        let (series, across, others) = if self.axis == 1 {
-            (y, [&mut z[here.clone()], &mut x[here.clone()]], [2, 0])
-        } else {
-            (z, [&mut x[here.clone()], &mut y[here.clone()]], [0, 1])
-        };
-        let [to_first, to_second] = across;
-        let along = &fine.next[self.axis];
-        if has_next {
-            let (place, in_shares) = (own + stride, self.previous.place(beside(at, self.axis, plane + 1)));
-            let eliminated = Eliminated {
-                exists,
-                along: &along[own..own + n],
-                across: weights_across(fine, others, place, n),
-                shares: [&self.previous, &self.next],
-                place: in_shares,
-            };
-            eliminated.add(simd, others, [&mut *to_first, &mut *to_second], leak, after);
-            put_in_series(
-                simd,
-                exists,
-                &self.next.values[in_shares..in_shares + n],
-                after,
-                &mut series[here],
-            );
+        let (own, n, plane, stride) = (fine.index(at), nodes.len(), at[AXIS], fine.strides[AXIS]);
+        let CoarseRow { exists, next: [x, y, z], leak, .. } = room;
+        let here = BLOCK + nodes.start;
+        let (x, y) = (vectors_mut::<S>(x, here, n), vectors_mut::<S>(y, here, n));
+        let (z, leak) = (vectors_mut::<S>(z, here, n), vectors_mut::<S>(leak, here, n));
+        let exists = vectors::<S>(exists, here, n);
+        let [of_x, of_y, of_z] = &fine.next;
+        let (of_x, of_y) = (vectors::<S>(of_x, own, n), vectors::<S>(of_y, own, n));
+        let (of_z, leaks) = (vectors::<S>(of_z, own, n), vectors::<S>(&fine.leak, own, n));
+        for i in 0..leak.len() {
+            (x[i], y[i], z[i]) = (of_x[i], of_y[i], of_z[i]);
+            leak[i] = above_zero(simd, leaks[i]);
         }
-        if has_previous {
-            let (place, in_shares) = (own - stride, self.previous.place(beside(at, self.axis, plane - 1)));
-            let eliminated = Eliminated {
-                exists,
-                along: &along[place..place + n],
-                across: weights_across(fine, others, place, n),
-                shares: [&self.next, &self.previous],
-                place: in_shares,
-            };
-            eliminated.add(simd, others, [to_first, to_second], leak, before);
+        let (series, first, second) = if AXIS == 1 { (y, z, x) } else { (z, x, y) };
+        if self.is_eliminated(plane + 1) {
+            let place = self.previous.place(beside(at, AXIS, plane + 1));
+            let shares = [&self.previous, &self.next];
+            let after = Eliminated::of_row::<AXIS>(exists, fine, own + stride, shares, place, n);
+            after.take_after(simd, [&mut *first, &mut *second], leak, series);
+        }
+        if self.is_eliminated(plane.wrapping_sub(1)) {
+            let place = self.previous.place(beside(at, AXIS, plane - 1));
+            let shares = [&self.next, &self.previous];
+            let before = Eliminated::of_row::<AXIS>(exists, fine, own - stride, shares, place, n);
+            let along = vectors::<S>(&fine.next[AXIS], own - stride, n);
+            before.take_before(simd, [first, second], leak, along);
         }
     }
 
@@ -236,80 +206,163 @@ impl Stage {
         j: usize,
         k: usize,
     ) {
-        let (own, n, planes) = (fine.index([0, j, k]), nodes.len(), &self.fine_plane);
-        let CoarseRow { exists, next, leak, besides, behind } = room;
+        let own = fine.index([0, j, k]);
+        self.pick(room, fine, own, nodes);
         // The node behind the one before the first counts too.
-        let wider = nodes.start.saturating_sub(1)..nodes.end;
-        for ((to, behind), from) in next.iter_mut().zip(&mut behind.next).zip(&fine.next) {
-            pick_pairs(to, behind, &from[own..], planes, &wider);
+        if nodes.start > 0 {
+            room.behind.pick_one(fine, own + self.fine_plane[nodes.start - 1] + 1, BLOCK + nodes.start - 1);
         }
-        pick_leaks(leak, &fine.leak[own..], planes, nodes);
-        let [_, row, plane] = fine.strides;
-        let [along_y, along_z] = &mut behind.previous;
-        pick(along_y, &fine.next[1][own + 1 - row..], planes, &wider);
-        pick(along_z, &fine.next[2][own + 1 - plane..], planes, &wider);
+        let CoarseRow { exists, next: [x, y, z], leak, behind } = room;
+        let (here, n) = (BLOCK + nodes.start, nodes.len());
+        let (x, y) = (vectors_mut::<S>(x, here, n), vectors_mut::<S>(y, here, n));
+        let (z, leak) = (vectors_mut::<S>(z, here, n), vectors_mut::<S>(leak, here, n));
+        for leak in leak.iter_mut() {
+            *leak = above_zero(simd, *leak);
+        }
         let place = self.previous.place([nodes.start, j, k]);
-        let here = BLOCK + nodes.start..BLOCK + nodes.end;
-        let before = here.start - 1..here.end - 1;
-        let [series, y, z] = next;
-        let (leak, y, z) = (&mut leak[here.clone()], &mut y[here.clone()], &mut z[here.clone()]);
-        let [more, other] = besides.each_mut().map(|besides| &mut besides[here.clone()]);
-        more.fill(0.0);
-        let after = Eliminated {
-            exists: &exists[here.clone()],
-            along: &series[here.clone()],
-            across: behind.across(here.clone()),
-            shares: [&self.previous, &self.next],
-            place,
-        };
-        after.add(simd, [1, 2], [&mut *y, &mut *z], leak, more);
-        let shares = &self.next.values[place..place + n];
-        put_in_series(simd, &exists[here.clone()], shares, more, &mut series[here]);
-        let before = Eliminated {
-            exists: &exists[before.clone()],
-            along: &behind.next[0][before.clone()],
-            across: behind.across(before),
-            shares: [&self.next, &self.previous],
-            place: place - 1,
-        };
-        before.add(simd, [1, 2], [y, z], leak, other);
+        let after = behind.eliminated::<S>(exists, here, [&self.previous, &self.next], place, n);
+        after.take_after(simd, [&mut *y, &mut *z], leak, x);
+        let before = behind.eliminated::<S>(exists, here - 1, [&self.next, &self.previous], place - 1, n);
+        before.take_before(simd, [y, z], leak, vectors::<S>(&behind.next[0], here - 1, n));
+    }
+
+    /// Picks the coarse nodes of the fine row that begins at a place, and those behind them.
+    #[inline(always)]
+    fn pick(&self, room: &mut CoarseRow, fine: &Network, own: usize, nodes: &Range<usize>) {
+        let CoarseRow { next: [x, y, z], leak, behind, .. } = room;
+        let [behind_x, behind_y, behind_z] = &mut behind.next;
+        self.picks.pick_pairs(x, behind_x, &fine.next[0][own..], nodes);
+        self.picks.pick_pairs(y, behind_y, &fine.next[1][own..], nodes);
+        self.picks.pick_pairs(z, behind_z, &fine.next[2][own..], nodes);
+        self.picks.pick(leak, &fine.leak[own..], nodes);
+        let ([_, row, plane], [along_y, along_z]) = (fine.strides, &mut behind.previous);
+        self.picks.pick(along_y, &fine.next[1][own + 1 - row..], nodes);
+        self.picks.pick(along_z, &fine.next[2][own + 1 - plane..], nodes);
     }
 }
 
 impl Behind {
-    /// The weights across x at some places.
+    /// Picks a single node.
     #[inline(always)]
-    fn across(&self, places: Range<usize>) -> [[&[f32]; 2]; 2] {
+    fn pick_one(&mut self, fine: &Network, from: usize, to: usize) {
+        let ([_, row, plane], [x, y, z]) = (fine.strides, &fine.next);
+        let [behind_x, behind_y, behind_z] = &mut self.next;
+        (behind_x[to], behind_y[to], behind_z[to]) = (x[from], y[from], z[from]);
+        let [along_y, along_z] = &mut self.previous;
+        (along_y[to], along_z[to]) = (y[from - row], z[from - plane]);
+    }
+
+    /// Those behind some coarse nodes, with their shares from a place on.
+    #[inline(always)]
+    fn eliminated<'a, S: Simd>(
+        &'a self,
+        exists: &'a [f32],
+        here: usize,
+        shares: [&'a Shares; 2],
+        place: usize,
+        n: usize,
+    ) -> Eliminated<'a, S> {
         let ([_, y, z], [previous_y, previous_z]) = (&self.next, &self.previous);
-        [[&previous_y[places.clone()], &y[places.clone()]], [&previous_z[places.clone()], &z[places]]]
+        let along_y = [vectors::<S>(previous_y, here, n), vectors::<S>(y, here, n)];
+        let along_z = [vectors::<S>(previous_z, here, n), vectors::<S>(z, here, n)];
+        Eliminated {
+            exists: vectors::<S>(exists, here, n),
+            shares: shares_at::<S>(shares, place, n),
+            across: [
+                Across { weights: along_y, shares: shares_around::<S>(shares, 1, place, n) },
+                Across { weights: along_z, shares: shares_around::<S>(shares, 2, place, n) },
+            ],
+        }
     }
 }
 
-impl Eliminated<'_> {
-    /// Adds to the weights of the coarse nodes along the other axes, to their leaks, and to what couples those on both sides
-    /// besides.
+impl<'a, S: Simd> Eliminated<'a, S> {
+    /// Nodes of a row across y or z, with their shares from a place on.
     #[inline(always)]
-    fn add<S: Simd>(
-        &self,
-        simd: S,
-        axes: [usize; 2],
-        weights: [&mut [f32]; 2],
-        leak: &mut [f32],
-        along: &mut [f32],
-    ) {
-        let (n, place) = (leak.len(), self.place);
-        let [own, other] = [&self.shares[0].values, &self.shares[1].values];
-        add_lost(simd, self.exists, self.along, [&own[place..place + n], &other[place..place + n]], leak);
-        let [first, second] = weights;
-        for (which, weight) in [first, second].into_iter().enumerate() {
-            let stride = self.shares[0].strides[axes[which]];
-            let (before, after) = (place - stride, place + stride);
-            let at = |place: usize| [&own[place..place + n], &other[place..place + n]];
-            let across =
-                Across { own: at(place), around: [at(before), at(after)], weights: self.across[which] };
-            divide_weights(simd, across, weight, leak, along);
+    fn of_row<const AXIS: usize>(
+        exists: &'a [S::f32s],
+        fine: &'a Network,
+        own: usize,
+        shares: [&'a Shares; 2],
+        place: usize,
+        n: usize,
+    ) -> Self {
+        // Across y, that is along z and x; across z, along x and y.
+        let [first, second] = if AXIS == 1 { [2, 0] } else { [0, 1] };
+        let (before_first, before_second) = (own - fine.strides[first], own - fine.strides[second]);
+        let [along_first, along_second] = [&fine.next[first], &fine.next[second]];
+        let of_first = [vectors::<S>(along_first, before_first, n), vectors::<S>(along_first, own, n)];
+        let of_second = [vectors::<S>(along_second, before_second, n), vectors::<S>(along_second, own, n)];
+        Self {
+            exists,
+            shares: shares_at::<S>(shares, place, n),
+            across: [
+                Across { weights: of_first, shares: shares_around::<S>(shares, first, place, n) },
+                Across { weights: of_second, shares: shares_around::<S>(shares, second, place, n) },
+            ],
         }
     }
+
+    /// Those after the coarse nodes: adds to the weights of these along the other axes and to their leaks, and makes of the
+    /// weights to the eliminated nodes those to the next coarse ones.
+    #[inline(always)]
+    fn take_after(
+        &self,
+        simd: S,
+        [first, second]: [&mut [S::f32s]; 2],
+        leak: &mut [S::f32s],
+        along: &mut [S::f32s],
+    ) {
+        for i in 0..leak.len() {
+            let more = self.take(simd, i, along[i], [&mut first[i], &mut second[i]], &mut leak[i]);
+            put_in_series(simd, self.exists[i], self.shares[1][i], more, &mut along[i]);
+        }
+    }
+
+    /// The same for those before, but for the weights to them.
+    #[inline(always)]
+    fn take_before(
+        &self,
+        simd: S,
+        [first, second]: [&mut [S::f32s]; 2],
+        leak: &mut [S::f32s],
+        along: &[S::f32s],
+    ) {
+        for i in 0..leak.len() {
+            self.take(simd, i, along[i], [&mut first[i], &mut second[i]], &mut leak[i]);
+        }
+    }
+
+    /// Adds to the weights of a vector of coarse nodes along the other axes and to their leaks. Returns what couples those on
+    /// both sides besides.
+    #[inline(always)]
+    fn take(
+        &self,
+        simd: S,
+        i: usize,
+        along: S::f32s,
+        [first, second]: [&mut S::f32s; 2],
+        leak: &mut S::f32s,
+    ) -> S::f32s {
+        let shares = [self.shares[0][i], self.shares[1][i]];
+        add_lost(simd, self.exists[i], along, shares, leak);
+        let of_first = divide_weights(simd, shares, &self.across[0], i, first, leak);
+        let of_second = divide_weights(simd, shares, &self.across[1], i, second, leak);
+        simd.add_f32s(of_first, of_second)
+    }
+}
+
+/// Shares of successive nodes.
+#[inline(always)]
+fn shares_at<S: Simd>([own, other]: [&Shares; 2], place: usize, n: usize) -> [&[S::f32s]; 2] {
+    [vectors::<S>(&own.values, place, n), vectors::<S>(&other.values, place, n)]
+}
+
+/// Those of the nodes before and after them along an axis.
+#[inline(always)]
+fn shares_around<S: Simd>(shares: [&Shares; 2], axis: usize, place: usize, n: usize) -> [[&[S::f32s]; 2]; 2] {
+    let stride = shares[0].strides[axis];
+    [shares_at::<S>(shares, place - stride, n), shares_at::<S>(shares, place + stride, n)]
 }
 
 /// A node in another plane across an axis.
@@ -319,49 +372,9 @@ fn beside(mut node: [usize; 3], axis: usize, plane: usize) -> [usize; 3] {
     node
 }
 
-/// The weights from the nodes before and to the nodes after some successive ones, along two axes.
+/// A leak, but for those below zero, which links to edges of conductors may be: they are so little that a preconditioner
+/// does not feel them; but on a coarse level they could outweigh what else a node has.
 #[inline(always)]
-fn weights_across(fine: &Network, axes: [usize; 2], place: usize, n: usize) -> [[&[f32]; 2]; 2] {
-    let [first, second] = [&fine.next[axes[0]], &fine.next[axes[1]]];
-    let (before_first, before_second) = (place - fine.strides[axes[0]], place - fine.strides[axes[1]]);
-    [
-        [&first[before_first..before_first + n], &first[place..place + n]],
-        [&second[before_second..before_second + n], &second[place..place + n]],
-    ]
-}
-
-/// Copies leaks. Those below zero, which links to edges of conductors may be, are so little that a preconditioner does not
-/// feel them; but on a coarse level they could outweigh what else a node has.
-#[inline(always)]
-fn copy_leaks<S: Simd>(simd: S, to: &mut [f32], leaks: &[f32]) {
-    for (to, leak) in S::as_mut_simd_f32s(to).0.iter_mut().zip(single::<S>(leaks)) {
-        *to = simd.max_f32s(*leak, simd.splat_f32s(0.0));
-    }
-}
-
-/// Picks the leaks of the coarse nodes of a fine row, as [`copy_leaks`] would.
-#[inline(always)]
-fn pick_leaks(to: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
-    pick(to, row, planes, nodes);
-    to[BLOCK + nodes.start..BLOCK + nodes.end].iter_mut().for_each(|leak| *leak = leak.max(0.0));
-}
-
-/// Picks the coarse nodes of a fine row, or, of one that begins later, those behind them.
-#[inline(always)]
-fn pick(to: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
-    let planes = &planes[nodes.start..nodes.end.min(planes.len())];
-    for (to, &plane) in to[BLOCK + nodes.start..].iter_mut().zip(planes) {
-        *to = row[plane];
-    }
-}
-
-/// Picks the coarse nodes of a fine row and those behind them.
-#[inline(always)]
-fn pick_pairs(own: &mut [f32], behind: &mut [f32], row: &[f32], planes: &[usize], nodes: &Range<usize>) {
-    let planes = &planes[nodes.start..nodes.end.min(planes.len())];
-    let (own, behind) = (&mut own[BLOCK + nodes.start..], &mut behind[BLOCK + nodes.start..]);
-    for ((own, behind), &plane) in own.iter_mut().zip(behind).zip(planes) {
-        let pair = &row[plane..plane + 2];
-        (*own, *behind) = (pair[0], pair[1]);
-    }
+fn above_zero<S: Simd>(simd: S, leak: S::f32s) -> S::f32s {
+    simd.max_f32s(leak, simd.splat_f32s(0.0))
 }

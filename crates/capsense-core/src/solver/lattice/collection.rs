@@ -84,12 +84,16 @@ impl Made {
         workers.for_each(collections, |collection| arch.dispatch(collection));
         for ([j, k], taken) in rooms.iter_mut().flat_map(|room| room.taken.drain(..)) {
             // A weight is as much the next node's.
-            let nodes = |of: Range<u32>| of.start as usize..of.end as usize;
-            let ([along_x, along_y, along_z], [j, k]) = (taken.next.map(nodes), [j as usize, k as usize]);
-            let any = nodes(taken.any);
-            changed.add(any.start..any.end.max(along_x.end + 1), j, k);
-            changed.add(along_y, j + 1, k);
-            changed.add(along_z, j, k + 1);
+            let (Taken { nodes, next: [along_x, along_y, along_z] }, [j, k]) =
+                (taken, [j as usize, k as usize]);
+            let nodes = nodes.start as usize..nodes.end as usize;
+            changed.add(nodes.start..nodes.end + usize::from(along_x), j, k);
+            if along_y {
+                changed.add(nodes.clone(), j + 1, k);
+            }
+            if along_z {
+                changed.add(nodes, j, k + 1);
+            }
         }
     }
 }
@@ -117,10 +121,11 @@ impl WithSimd for Collection<'_> {
         for row in self.rows.clone() {
             let (nodes, j, k) = self.stage.reached.row(row);
             let nodes = whole_blocks(&nodes);
-            if self.stage.axis == 0 {
-                self.stage.collect_picked(simd, &mut self.room.row, self.fine, &nodes, j, k);
-            } else {
-                self.stage.collect_rows(simd, &mut self.room.row, self.fine, &nodes, j, k);
+            let (stage, room, fine) = (self.stage, &mut self.room.row, self.fine);
+            match stage.axis {
+                0 => stage.collect_picked(simd, room, fine, &nodes, j, k),
+                1 => stage.collect_rows::<S, 1>(simd, room, fine, &nodes, j, k),
+                _ => stage.collect_rows::<S, 2>(simd, room, fine, &nodes, j, k),
             }
             self.take_over(simd, &nodes, j, k);
         }
@@ -132,7 +137,8 @@ impl Collection<'_> {
     #[inline(always)]
     fn take_over<S: Simd>(&mut self, simd: S, nodes: &Range<usize>, j: usize, k: usize) {
         let place = self.stage.place_in_coarse([nodes.start, j, k]) - self.coarse.start;
-        let (n, here) = (nodes.len(), BLOCK + nodes.start..BLOCK + nodes.end);
+        let (n, first) = (nodes.len(), BLOCK + nodes.start);
+        let here = first..first + n;
         let [x, y, z, leak] = &mut self.coarse.numbers;
         let stored = [
             &mut x[place..place + n],
@@ -142,8 +148,7 @@ impl Collection<'_> {
         ];
         let CoarseRow { next: [x, y, z], leak, .. } = &self.room.row;
         let new = [&x[here.clone()], &y[here.clone()], &z[here.clone()], &leak[here]];
-        let taken = take_over(simd, nodes.start, stored, new);
-        if !taken.any.is_empty() {
+        if let Some(taken) = take_over(simd, nodes.start, stored, new) {
             self.room.taken.push(([j as u32, k as u32], taken));
         }
     }

@@ -3,7 +3,7 @@
 use super::layout::{BLACK, BLOCK, Coloured, Layout, RED};
 use super::network::{Changed, Network, whole_blocks};
 use super::parts::{Part, Parts, cut_both};
-use super::rows::copy_every_second;
+use super::rows::deal_piece;
 use super::stencil::Stencil;
 use pulp::{Arch, Simd, WithSimd};
 
@@ -119,7 +119,7 @@ impl WithSimd for Refresh<'_> {
             let at = network.index([blocks.start, j, k]);
             let inverse = &mut inverse[..blocks.len()];
             network.invert_diagonal(simd, at, inverse);
-            let nodes = blocks.start..nodes.end;
+            let nodes = blocks.start..blocks.end.min(layout.counts[0]);
             let here = at..at + nodes.len();
             let places = [layout.place([nodes.start, j, k]), layout.place([nodes.start + 1, j, k])];
             deal_to(x, places, &network.next[0][here.clone()]);
@@ -132,10 +132,11 @@ impl WithSimd for Refresh<'_> {
 
 /// Deals a piece of a row to the colours and places of its first node and of its second.
 #[inline(always)]
-fn deal_to(to: &mut Coloured<f32>, [(first, at), (second, behind)]: [(usize, usize); 2], row: &[f32]) {
+fn deal_to(to: &mut Coloured<f32>, [(first, at), (_, behind)]: [(usize, usize); 2], row: &[f32]) {
     let n = row.len();
-    copy_every_second(&mut to[first][at..at + n.div_ceil(2)], row);
-    copy_every_second(&mut to[second][behind..behind + n / 2], &row[1..]);
+    let [red, black] = to;
+    let (to_first, to_second) = if first == RED { (red, black) } else { (black, red) };
+    deal_piece(row, &mut to_first[at..at + n.div_ceil(2)], &mut to_second[behind..behind + n / 2]);
 }
 
 impl WithSimd for Solve<'_> {

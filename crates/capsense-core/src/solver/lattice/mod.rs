@@ -18,6 +18,7 @@ mod network;
 mod operator;
 mod pairs;
 mod parts;
+mod picks;
 mod potentials;
 mod precision;
 mod products;

@@ -6,8 +6,8 @@ use pulp::Simd;
 use std::ops::Range;
 
 /// A 7-point network in single precision. Rows are padded to whole blocks, and all arrays by one plane before the first and
-/// by what is behind the last row's last node; padding is zero. Edges that would lead out of the lattice have the weight zero, so nodes need not know whether they
-/// are at its end.
+/// by what is picked together with the last row's last node; padding is zero. Edges that would lead out of the lattice have
+/// the weight zero, so nodes need not know whether they are at its end.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Network {
     /// Number of nodes along each axis.
@@ -24,7 +24,7 @@ impl Network {
     pub(super) fn new(counts: [usize; 3]) -> Self {
         let [nx, ny, nz] = counts;
         let row = nx.next_multiple_of(BLOCK);
-        let zeros = || vec![0.0; row * ny * (nz + 1) + BLOCK];
+        let zeros = || vec![0.0; row * ny * (nz + 1) + 3 * BLOCK];
         Self { counts, strides: [1, row, row * ny], next: [zeros(), zeros(), zeros()], leak: zeros() }
     }
 

@@ -11,6 +11,18 @@ pub(super) fn single<S: Simd>(slice: &[f32]) -> &[S::f32s] {
     S::as_simd_f32s(slice).0
 }
 
+/// Some successive numbers as vectors.
+#[inline(always)]
+pub(super) fn vectors<S: Simd>(numbers: &[f32], at: usize, n: usize) -> &[S::f32s] {
+    single::<S>(&numbers[at..at + n])
+}
+
+/// The same, to be changed.
+#[inline(always)]
+pub(super) fn vectors_mut<S: Simd>(numbers: &mut [f32], at: usize, n: usize) -> &mut [S::f32s] {
+    S::as_mut_simd_f32s(&mut numbers[at..at + n]).0
+}
+
 /// to = a.
 #[inline(always)]
 pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
@@ -121,13 +133,33 @@ pub(super) fn collect(row: &mut [f32], first: &[f32], second: &[f32]) {
     }
 }
 
-/// Copies the first, third and so on of a row, whatever their number.
+/// Deals a piece of a row, of any length, as [`deal`] does. It is mostly shorter than two blocks.
+#[inline(always)]
+pub(super) fn deal_piece(row: &[f32], first: &mut [f32], second: &mut [f32]) {
+    const HALF: usize = BLOCK / 2;
+    let (blocks, rest) = row.as_chunks::<BLOCK>();
+    let (first, first_rest) = first.split_at_mut((blocks.len() * HALF).min(first.len()));
+    let (second, second_rest) = second.split_at_mut((blocks.len() * HALF).min(second.len()));
+    let halves = first.as_chunks_mut::<HALF>().0.iter_mut().zip(second.as_chunks_mut::<HALF>().0);
+    for (row, (first, second)) in blocks.iter().zip(halves) {
+        *first = [row[0], row[2], row[4], row[6]];
+        *second = [row[1], row[3], row[5], row[7]];
+    }
+    for (at, value) in rest.iter().enumerate() {
+        let to = if at % 2 == 0 { first_rest.get_mut(at / 2) } else { second_rest.get_mut(at / 2) };
+        if let Some(to) = to {
+            *to = *value;
+        }
+    }
+}
+
+/// Copies the first, third and so on of a row, whatever their number. Pieces of rows are mostly shorter than two blocks.
 #[inline(always)]
 pub(super) fn copy_every_second(to: &mut [f32], row: &[f32]) {
-    let (blocks, rest) = row.as_chunks::<{ 2 * BLOCK }>();
-    let (to_blocks, to_rest) = to.split_at_mut((blocks.len() * BLOCK).min(to.len()));
-    for (to, row) in to_blocks.as_chunks_mut::<BLOCK>().0.iter_mut().zip(blocks) {
-        *to = [row[0], row[2], row[4], row[6], row[8], row[10], row[12], row[14]];
+    let (blocks, rest) = row.as_chunks::<BLOCK>();
+    let (to_blocks, to_rest) = to.split_at_mut((blocks.len() * (BLOCK / 2)).min(to.len()));
+    for (to, row) in to_blocks.as_chunks_mut::<{ BLOCK / 2 }>().0.iter_mut().zip(blocks) {
+        *to = [row[0], row[2], row[4], row[6]];
     }
     for (to, row) in to_rest.iter_mut().zip(rest.chunks(2)) {
         *to = row[0];

@@ -3,7 +3,7 @@
 use super::between::half_row;
 use super::layout::{BLOCK, Layout, RED};
 use super::pairs::{place_in_pairs, room_for_pairs};
-use super::rows::copy_every_second;
+use super::rows::{copy_every_second, deal_piece};
 use std::ops::Range;
 
 /// A number for every eliminated node. Across x it stands where the coarse node before is, with zeros where none is eliminated;
@@ -106,9 +106,9 @@ impl Shares {
             }
             Arranged::Halves(half, arranged) => {
                 let even = in_rows + BLOCK + start / 2;
-                let (row, n) = (&self.values[row..], (end - start) / 2);
-                copy_every_second(&mut arranged[even..][..n], &row[start..end]);
-                copy_every_second(&mut arranged[even + *half..][..n], &row[start + 1..end]);
+                let n = (end - start) / 2;
+                let (to_even, to_odd) = arranged[even..even + *half + n].split_at_mut(*half);
+                deal_piece(&self.values[row + start..row + end], &mut to_even[..n], to_odd);
             }
             Arranged::Pairs => {}
         }

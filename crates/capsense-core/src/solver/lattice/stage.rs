@@ -12,6 +12,7 @@ use super::coarse_row::{CoarseRow, Share};
 use super::collection::{Made, Room, TASKS_OF_A_THREAD};
 use super::layout::Layout;
 use super::network::{Changed, Network, place};
+use super::picks::Picks;
 use super::shares::Shares;
 use crate::workers::Workers;
 use pulp::Arch;
@@ -26,6 +27,8 @@ pub(super) struct Stage {
     eliminated: Vec<bool>,
     /// The fine plane of each coarse plane.
     pub(super) fine_plane: Vec<usize>,
+    /// Across x, the nodes of fine rows that are coarse.
+    pub(super) picks: Picks,
     /// What the eliminated nodes take from the previous and from the next node.
     pub(super) previous: Shares,
     pub(super) next: Shares,
@@ -53,6 +56,7 @@ impl Stage {
             axis,
             kept_before,
             eliminated: kept.iter().map(|kept| !kept).collect(),
+            picks: Picks::new(if axis == 0 { &fine_plane } else { &[] }),
             fine_plane,
             previous: Shares::zeros(fine, axis, kept, layout),
             next: Shares::zeros(fine, axis, kept, layout),
@@ -114,14 +118,18 @@ impl Stage {
         }
     }
 
-    /// Where shares of eliminated nodes changed, that reaches their neighbours across the axis too, as what couples two
+    /// Where shares of eliminated nodes changed, that reaches besides their neighbours across the axis, as what couples two
     /// eliminated nodes is divided by the shares of both.
     #[inline(always)]
     pub(super) fn reach_across(&mut self, nodes: Range<usize>, j: usize, k: usize) {
         let wider = nodes.start.saturating_sub(1)..nodes.end + 1;
         let rows = |plane| self.reach(plane..plane + 1);
         match self.axis {
-            0 => self.reached.add_beside_row(self.reach(nodes), j, k),
+            0 => {
+                let nodes = self.reach(nodes);
+                self.reached.add(nodes.clone(), j, k);
+                self.reached.add_beside_row(nodes, j, k);
+            }
             1 => {
                 for j in rows(j) {
                     self.reached.add(wider.clone(), j, k);
@@ -205,7 +213,7 @@ mod tests {
     }
 
     fn is_near(a: f32, b: f32) -> bool {
-        a == b || (a - b).abs() < 0.0201 * a.max(b)
+        a == b || (a - b).abs() < 0.0501 * a.max(b)
     }
 
     /// Shares follow every change, coarse numbers all but negligible ones.

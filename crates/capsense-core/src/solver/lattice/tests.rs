@@ -156,7 +156,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Coarser levels leave out what is negligible, each a little more; nothing that was not reached stays behind.
+/// Coarser levels leave out what is negligible, each of up to three stages a little more; nothing that was not reached stays
+/// behind.
 #[test]
 fn refreshing_what_changed_gives_a_fresh_hierarchy() {
     let mut moving = Scene::new();
@@ -167,7 +168,7 @@ fn refreshing_what_changed_gives_a_fresh_hierarchy() {
     fresh.step(0.33);
     let levels = moving.solver.hierarchy.levels.iter().zip(&fresh.solver.hierarchy.levels);
     for (depth, (a, b)) in levels.enumerate() {
-        let slack = 0.05 * depth as f32;
+        let slack = 0.12 * depth as f32;
         let numbers = |stencil: &Stencil<f32>| -> Vec<f32> {
             let all = stencil.next.iter().chain([&stencil.centre]).flatten().flatten();
             all.copied().collect()
