@@ -42,7 +42,7 @@ const MOST_UNUSUAL: [f64; KINDS] = [2.0, 3.0, 3.0];
 /// So many solves in a row may do without a step: of directions that the preconditioner knows badly a cycle tells little,
 /// however much gathers there. More of them may if what is not known is below this part of what is allowed.
 const IN_A_ROW: usize = 3;
-const MOST_IN_A_ROW: usize = 7;
+const MOST_IN_A_ROW: usize = 5;
 const FAR_BELOW: f64 = 0.3;
 
 /// A solve shows a ratio if the rest that is only estimated is no more than this part of what was shed.
