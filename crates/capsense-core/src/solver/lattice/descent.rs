@@ -6,7 +6,7 @@
 
 use super::layout::{BLACK, BLOCK, Layout, RED};
 use super::level::Level;
-use super::rows::{multiply, subtract_multiple};
+use super::rows::subtract_multiple;
 use super::sums::{PIECE, products, total};
 use pulp::Simd;
 use std::ops::Range;
@@ -31,8 +31,9 @@ pub(super) struct Descent {
     red: [Vec<f32>; KEPT],
     black: [Vec<f32>; KEPT],
     residual: [Vec<f32>; KEPT],
-    /// Room for a plane of the right-hand side.
+    /// Room for the right-hand side and for D x in a plane of one column.
     b: Vec<f32>,
+    charges: Vec<f32>,
     /// The first plane that got a residual, and the next that gets one.
     first: usize,
     next: usize,
@@ -44,9 +45,8 @@ pub(super) struct Descent {
 struct Gains {
     /// Of every plane, all pairs s <= t; those of inactive columns are of no use.
     of_planes: Vec<f64>,
-    /// D and D x of a piece.
-    diagonal: Vec<f32>,
-    charges: Vec<f32>,
+    /// Number of pairs.
+    pairs: usize,
 }
 
 impl Descent {
@@ -57,14 +57,9 @@ impl Descent {
         let planes = || [(); KEPT].map(|()| zeros.clone());
         let (red, black, residual) = (planes(), planes(), planes());
         let pairs = layout.columns * (layout.columns + 1) / 2;
-        let gains = Gains {
-            // A sweep ends one plane behind the last that gets a residual.
-            of_planes: vec![0.0; pairs * (layout.counts[2] + 1)],
-            diagonal: vec![0.0; PIECE],
-            charges: vec![0.0; PIECE],
-        };
-        let b = vec![0.0; layout.plane];
-        Self { layout: *layout, padding, zeros, red, black, residual, b, first: 0, next: 0, gains }
+        let gains = Gains { of_planes: vec![0.0; pairs * layout.counts[2]], pairs };
+        let (b, charges) = (vec![0.0; layout.plane], vec![0.0; layout.plane]);
+        Self { layout: *layout, padding, zeros, red, black, residual, b, charges, first: 0, next: 0, gains }
     }
 
     /// Zeros everywhere, after numbers that were not finite.
@@ -92,7 +87,6 @@ impl Descent {
             self.scale_red(simd, level, self.next + 2, active);
             self.relax_black(simd, level, self.next + 1, active);
             self.leave_red(simd, level, self.next, active);
-            self.note_gains(simd, level, self.next, active);
             self.next += 1;
         }
     }
@@ -101,7 +95,7 @@ impl Descent {
     #[inline(always)]
     pub(super) fn residual(&self, column: usize, k: usize) -> &[f32] {
         if self.layout.planes().contains(&k) {
-            &self.residual[k % KEPT][self.places(RED, column, k)]
+            &self.residual[k % KEPT][self.places(RED, k).of(column)]
         } else {
             &self.zeros[..self.layout.plane(k).len()]
         }
@@ -114,18 +108,15 @@ impl Descent {
 
     /// What the sweep took in a plane, one of those gone through last, from the energy of a pair s <= t of active columns.
     pub(super) fn gain(&self, k: usize, s: usize, t: usize) -> f64 {
-        self.gains.of_planes[k * self.pairs() + pair(s, t)]
-    }
-
-    fn pairs(&self) -> usize {
-        pair(0, self.layout.columns)
+        self.gains.of_planes[k * self.gains.pairs + pair(s, t)]
     }
 
     /// Where the nodes of one colour of plane k are.
     #[inline(always)]
-    fn places(&self, colour: usize, column: usize, k: usize) -> Range<usize> {
-        let (Range { start, end }, shift) = (self.layout.plane_of(column, k), self.layout.shift(colour, k));
-        start + self.padding - shift..end + self.padding - shift
+    fn places(&self, colour: usize, k: usize) -> Places {
+        let (layout, Range { start, end }) = (self.layout, self.layout.plane(k));
+        let shift = layout.shift(colour, k);
+        Places { layout, first: start + self.padding - shift..end + self.padding - shift }
     }
 
     /// x = D⁻¹ b.
@@ -134,11 +125,16 @@ impl Descent {
         if !self.layout.planes().contains(&k) {
             return;
         }
+        self.gains.start(k);
         let stencil = level.stencil.piece(RED, level.stencil.layout.plane(k));
-        for &column in active {
-            let places = self.places(RED, column, k);
-            let b = right_hand_side(simd, level, [RED, column, k], &mut self.b);
-            stencil.scale(simd, &mut self.red[k % KEPT][places], b);
+        let places = self.places(RED, k);
+        let red = &mut self.red[k % KEPT];
+        for (index, &t) in active.iter().enumerate() {
+            let b = right_hand_side(simd, level, [RED, t, k], &mut self.b);
+            stencil.scale(simd, &mut red[places.of(t)], b);
+            for &s in &active[..=index] {
+                self.gains.add(simd, [k, s, t], &red[places.of(s)], b);
+            }
         }
     }
 
@@ -149,11 +145,16 @@ impl Descent {
             return;
         }
         let stencil = level.stencil.piece(BLACK, level.stencil.layout.plane(k));
-        for &column in active {
-            let places = self.places(BLACK, column, k);
-            let b = right_hand_side(simd, level, [BLACK, column, k], &mut self.b);
-            let around = around(&self.layout, &self.red, &self.zeros, (BLACK + k) % 2, &places, k);
-            stencil.relax(simd, &mut self.black[k % KEPT][places], b, around);
+        let places = self.places(BLACK, k);
+        let black = &mut self.black[k % KEPT];
+        for (index, &t) in active.iter().enumerate() {
+            let b = right_hand_side(simd, level, [BLACK, t, k], &mut self.b);
+            let around = around(&self.layout, &self.red, &self.zeros, (BLACK + k) % 2, &places.of(t), k);
+            let charges = &mut self.charges[..b.len()];
+            stencil.relax_by(simd, &mut black[places.of(t)], charges, b, around);
+            for &s in &active[..=index] {
+                self.gains.add(simd, [k, s, t], &black[places.of(s)], charges);
+            }
         }
     }
 
@@ -164,41 +165,44 @@ impl Descent {
             return;
         }
         let stencil = level.stencil.piece(RED, level.stencil.layout.plane(k));
+        let of_columns = self.places(RED, k);
         for &column in active {
-            let places = self.places(RED, column, k);
+            let places = of_columns.of(column);
             let around = around(&self.layout, &self.black, &self.zeros, (RED + k) % 2, &places, k);
             stencil.gather(simd, OVERCORRECTION, &mut self.residual[k % KEPT][places], around);
         }
     }
+}
 
-    /// Each node that is relaxed takes D x² from the energy.
+/// The places of successive nodes.
+struct Places {
+    layout: Layout,
+    /// Those of the first column.
+    first: Range<usize>,
+}
+
+impl Places {
     #[inline(always)]
-    fn note_gains<S: Simd>(&mut self, simd: S, level: &Level, k: usize, active: &[usize]) {
-        let pairs = self.pairs();
-        self.gains.of_planes[k * pairs..][..pairs].fill(0.0);
-        if !self.layout.planes().contains(&k) {
-            return;
-        }
-        let plane = level.stencil.layout.plane(k);
-        for piece in 0..2 * plane.len().div_ceil(PIECE) {
-            let (colour, start) = (piece % 2, piece / 2 * PIECE);
-            let n = (plane.len() - start).min(PIECE);
-            let (layout, before, shift) = (self.layout, self.padding + start, self.layout.shift(colour, k));
-            let here = |column: usize| {
-                let first = layout.plane_of(column, k).start + before - shift;
-                first..first + n
-            };
-            let x = if colour == RED { &self.red[k % KEPT] } else { &self.black[k % KEPT] };
-            let Gains { of_planes, diagonal, charges } = &mut self.gains;
-            let (diagonal, charges) = (&mut diagonal[..n], &mut charges[..n]);
-            let at = plane.start + start;
-            level.stencil.piece(colour, at..at + n).diagonal(simd, diagonal);
-            for (index, &t) in active.iter().enumerate() {
-                multiply(simd, charges, diagonal, &x[here(t)]);
-                for &s in &active[..=index] {
-                    of_planes[k * pairs + pair(s, t)] += total(&products(simd, &x[here(s)], charges));
-                }
-            }
+    fn of(&self, column: usize) -> Range<usize> {
+        let Range { start, end } = self.first;
+        self.layout.in_column(column, start)..self.layout.in_column(column, end)
+    }
+}
+
+impl Gains {
+    /// Starts with a plane.
+    #[inline(always)]
+    fn start(&mut self, k: usize) {
+        self.of_planes[k * self.pairs..][..self.pairs].fill(0.0);
+    }
+
+    /// Each node that is relaxed takes D x² from the energy: adds the products of x in one column and D x in another for all
+    /// nodes of one colour in plane k.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, [k, s, t]: [usize; 3], x: &[f32], charges: &[f32]) {
+        let gain = &mut self.of_planes[k * self.pairs + pair(s, t)];
+        for (x, charges) in x.chunks(PIECE).zip(charges.chunks(PIECE)) {
+            *gain += total(&products(simd, x, charges));
         }
     }
 }

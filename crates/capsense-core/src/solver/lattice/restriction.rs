@@ -4,7 +4,7 @@ use super::layout::{BLOCK, Layout, RED};
 use super::level::Level;
 use super::pairs::RowShares;
 use super::parts::Part;
-use super::rows::{add_product, add_to, copy, gather};
+use super::rows::{add_to, combine, copy, gather, multiply};
 use super::transfer::{Between, Stages};
 use pulp::{Simd, WithSimd};
 
@@ -45,23 +45,31 @@ impl WithSimd for Restriction<'_> {
 }
 
 impl Restriction<'_> {
-    /// Fills the thick plane of a coarse plane.
+    /// Fills the thick plane of a coarse plane: red nodes have their own residual, black ones what eliminated planes beside
+    /// this one hand over.
     #[inline(always)]
     fn along_z<S: Simd>(&mut self, simd: S, plane: usize) {
         let Level { stencil, layout, .. } = self.fine;
         let Between { descent, thick: [thick, _], .. } = &mut *self.between;
-        let own = self.stages.fine_plane(plane);
+        let (own, stage) = (self.stages.fine_plane(plane), &self.stages.z);
+        let eliminated = |plane: usize| stage.as_ref().filter(|stage| stage.is_eliminated(plane));
+        let [after, before] = [own + 1, own.wrapping_sub(1)];
+        let after = eliminated(after).map(|stage| (after, stage.previous.red(stencil.layout.plane(after))));
+        let before = eliminated(before).map(|stage| (before, stage.next.red(stencil.layout.plane(before))));
         for &column in self.active {
             let (part, at) = thick.part(layout, RED, own, column);
             thick.values[part][at].copy_from_slice(descent.residual(column, own));
-            thick.values[1 - part][column * thick.len..(column + 1) * thick.len].fill(0.0);
-            let Some(stage) = &self.stages.z else { continue };
-            for (beside, share) in [(own + 1, &stage.previous), (own.wrapping_sub(1), &stage.next)] {
-                if stage.is_eliminated(beside) {
-                    let (part, at) = thick.part(layout, RED, beside, column);
-                    let share = share.red(stencil.layout.plane(beside));
-                    add_product(simd, &mut thick.values[part][at], share, descent.residual(column, beside));
-                }
+            let of = |(plane, share)| [share, descent.residual(column, plane)];
+            // The nodes of both are at the same places.
+            let Some(beside) = after.or(before) else {
+                thick.values[1 - part][column * thick.len..][..thick.len].fill(0.0);
+                continue;
+            };
+            let (part, at) = thick.part(layout, RED, beside.0, column);
+            let to = &mut thick.values[part][at];
+            match (after, before) {
+                (Some(after), Some(before)) => combine(simd, to, of(after), of(before)),
+                _ => multiply(simd, to, of(beside)),
             }
         }
     }

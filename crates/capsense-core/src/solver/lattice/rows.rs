@@ -33,7 +33,7 @@ pub(super) fn copy<S: Simd>(to: &mut [f32], a: &[f32]) {
 
 /// to = a u.
 #[inline(always)]
-pub(super) fn multiply<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
+pub(super) fn multiply<S: Simd>(simd: S, to: &mut [f32], [a, u]: [&[f32]; 2]) {
     for (to, (a, u)) in S::as_mut_simd_f32s(to).0.iter_mut().zip(single::<S>(a).iter().zip(single::<S>(u))) {
         *to = simd.mul_f32s(*a, *u);
     }

@@ -66,15 +66,6 @@ impl Piece<'_, f32> {
         }
     }
 
-    /// D; of no use where the potential is fixed.
-    #[inline(always)]
-    pub(super) fn diagonal<S: Simd>(&self, simd: S, diagonal: &mut [f32]) {
-        let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(f32::MIN_POSITIVE));
-        for (diagonal, inverse) in S::as_mut_simd_f32s(diagonal).0.iter_mut().zip(single::<S>(self.centre)) {
-            *diagonal = simd.div_f32s(one, simd.max_f32s(*inverse, least));
-        }
-    }
-
     /// Solves the equations of the nodes: x = D⁻¹ (b + Σ w x).
     #[inline(always)]
     pub(super) fn relax<S: Simd>(&self, simd: S, x: &mut [f32], b: &[f32], around: [&[f32]; 6]) {
@@ -85,6 +76,27 @@ impl Piece<'_, f32> {
         for i in 0..n {
             let sum = sum_of_six_single(simd, &w, &v, i);
             x[i] = simd.mul_f32s(inverse[i], simd.add_f32s(b[i], sum));
+        }
+    }
+
+    /// The same, with D x.
+    #[inline(always)]
+    pub(super) fn relax_by<S: Simd>(
+        &self,
+        simd: S,
+        x: &mut [f32],
+        charges: &mut [f32],
+        b: &[f32],
+        around: [&[f32]; 6],
+    ) {
+        let x = S::as_mut_simd_f32s(x).0;
+        let n = x.len();
+        let charges = &mut S::as_mut_simd_f32s(charges).0[..n];
+        let (b, inverse) = (&single::<S>(b)[..n], &single::<S>(self.centre)[..n]);
+        let (w, v) = (six_single::<S>(self.weights, n), six_single::<S>(around, n));
+        for i in 0..n {
+            charges[i] = simd.add_f32s(b[i], sum_of_six_single(simd, &w, &v, i));
+            x[i] = simd.mul_f32s(inverse[i], charges[i]);
         }
     }
 
