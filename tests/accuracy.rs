@@ -5,6 +5,8 @@
 mod cases;
 #[path = "../examples/accuracy/continuity.rs"]
 mod continuity;
+#[path = "../examples/accuracy/fitted.rs"]
+mod fitted;
 #[path = "../examples/accuracy/measure.rs"]
 mod measure;
 #[path = "../examples/accuracy/plates.rs"]
@@ -19,7 +21,7 @@ mod rims;
 mod statistics;
 
 use capsense::core::sensor::Sensor;
-use cases::{Body, CONNECTIONS, ENTRIES, bodies, few_bodies, stripes};
+use cases::{Body, CONNECTIONS, ENTRIES, Entries, bodies, few_bodies, stripes};
 use continuity::{CENTROID, SOLID, WAYS, curve};
 use measure::measure;
 use references::References;
@@ -59,6 +61,26 @@ fn small_lattices_are_exact_to_a_few_percent() {
                 assert!(error.abs() < allowed, "{entry}, {connection} {}: {error} %", body.name);
             }
         }
+    }
+}
+
+/// What is left of errors is the mesh's own: boxes with all faces in its planes have them too.
+#[test]
+fn boxes_between_planes_are_as_exact_as_those_that_fit() {
+    let lattice = stripes().lattice(30_000).unwrap();
+    for height in fitted::HEIGHTS {
+        let bodies = fitted::bodies(&lattice, height).unwrap();
+        let on = |parts| fitted::measure_on(&lattice, [parts; 3], &bodies).unwrap().1;
+        let errors = fitted::errors(&on(1), &on(3));
+        let largest = |of: &[Entries; CONNECTIONS.len()]| {
+            of.iter().flat_map(fitted::told).fold(0.0, |most: f64, error| most.max(error.abs()))
+        };
+        let (fits, others) = errors.split_first().unwrap();
+        for (body, errors) in bodies[1..].iter().zip(others) {
+            let (own, of_fitted) = (largest(errors), largest(fits));
+            assert!(own < 1.15 * of_fitted, "{height} m, {}: {own} and {of_fitted} %", body.name);
+        }
+        assert!(others.iter().any(|errors| largest(errors) < 0.5 * largest(fits)), "{height} m: {errors:?}");
     }
 }
 

@@ -7,6 +7,7 @@
 //! cargo run --release --example accuracy -- converge     # where the reference values come from
 //! cargo run --release --example accuracy -- rims         # rims of thin electrodes; --quick for small lattices
 //! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
+//! cargo run --release --example accuracy -- fitted       # boxes with faces in planes of the mesh, and between them
 //! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
 //! cargo run --release --example accuracy -- meshes       # what tolerances cost on each kind of mesh; --quick for two of three
 //! ```
@@ -16,6 +17,7 @@ mod cases;
 mod continuity;
 mod converge;
 mod domain;
+mod fitted;
 mod measure;
 mod meshes;
 mod plates;
@@ -45,6 +47,7 @@ enum Command {
     Converge(converge::ConvergeArguments),
     Rims(rims::RimsArguments),
     Domain(domain::DomainArguments),
+    Fitted(fitted::FittedArguments),
     Meshes(meshes::MeshesArguments),
 }
 
@@ -58,6 +61,7 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Converge(arguments)) => converge::converge(&arguments),
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
         Some(Command::Domain(arguments)) => domain::domain(&arguments),
+        Some(Command::Fitted(arguments)) => fitted::fitted(&arguments),
         Some(Command::Meshes(arguments)) => meshes::meshes(&arguments),
     }
 }
