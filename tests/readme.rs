@@ -149,13 +149,30 @@ fn every_command_that_is_mentioned_exists() {
 }
 
 #[test]
-fn every_link_leads_to_a_file() {
+fn every_link_leads_to_a_file_and_a_heading_in_it() {
     for path in documents() {
         for link in text_of(&path).split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-            let target = path.parent().unwrap().join(link);
-            assert!(link.starts_with("https://") || target.exists(), "{}: {link}", path.display());
+            if link.starts_with("https://") {
+                continue;
+            }
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            assert!(target.exists(), "{}: {link}", path.display());
+            let leads_there =
+                heading.is_empty() || anchors(&text_of(&target)).any(|anchor| anchor == heading);
+            assert!(leads_there, "{}: {link}", path.display());
         }
     }
+}
+
+/// What links call the headings of a document: words in small letters with hyphens between them.
+fn anchors(text: &str) -> impl Iterator<Item = String> {
+    let headings =
+        text.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
+    headings.map(|heading| {
+        let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
+        kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
+    })
 }
 
 #[test]
