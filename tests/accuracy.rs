@@ -80,7 +80,6 @@ fn boxes_between_planes_are_as_exact_as_those_that_fit() {
             let (own, of_fitted) = (largest(errors), largest(fits));
             assert!(own < 1.15 * of_fitted, "{height} m, {}: {own} and {of_fitted} %", body.name);
         }
-        assert!(others.iter().any(|errors| largest(errors) < 0.5 * largest(fits)), "{height} m: {errors:?}");
     }
 }
 

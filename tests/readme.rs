@@ -165,11 +165,12 @@ fn every_link_leads_to_a_file_and_a_heading_in_it() {
     }
 }
 
-/// What links call the headings of a document: words in small letters with hyphens between them.
+/// What links call the headings of a document: words in small letters with hyphens between them. Code between fences has
+/// comments that look like headings.
 fn anchors(text: &str) -> impl Iterator<Item = String> {
-    let headings =
-        text.lines().filter(|line| line.starts_with('#')).map(|line| line.trim_start_matches('#').trim());
-    headings.map(|heading| {
+    let lines = text.split("```").step_by(2).flat_map(str::lines);
+    lines.filter(|line| line.starts_with('#')).map(|line| {
+        let heading = line.trim_start_matches('#').trim();
         let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
         kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
     })

@@ -4,6 +4,7 @@ use crate::cases::{Body, CONNECTIONS, ENTRIES, Entries, bodies, stripes};
 use crate::measure::{measure, percent};
 use crate::references::References;
 use anyhow::{Result, ensure};
+use capsense::core::estimate::halved_lattice;
 use capsense::core::geometry::{Aabb, Shape};
 use capsense::core::glam::{DQuat, DVec3};
 use capsense::core::mesh::{Lattice, graded_axis};
@@ -77,7 +78,7 @@ fn ladder(body: Body, levels: u32) -> Result<Ladder> {
     let body = [body];
     for level in 0..=levels {
         if level > 0 {
-            lattice = halved(&lattice)?;
+            lattice = halved_lattice(&lattice)?;
         }
         let measured = measure(&Sensor::on_lattice(&design, &lattice)?, &body)?;
         ladder.changes.extend(measured.changes);
@@ -139,15 +140,6 @@ fn refined(axis: &[f64], [low, high]: [f64; 2]) -> Vec<f64> {
         finer.extend((1..=count as usize).map(|k| start + length * k as f64 / count));
     }
     finer
-}
-
-fn halved(lattice: &Lattice) -> Result<Lattice> {
-    let halve = |axis: &Vec<f64>| {
-        let halves = axis.windows(2).flat_map(|pair| [0.5 * (pair[0] + pair[1]), pair[1]]);
-        axis[..1].iter().copied().chain(halves).collect()
-    };
-    let [x, y, z] = lattice.axes();
-    Ok(Lattice::new([halve(x), halve(y), halve(z)])?)
 }
 
 /// The limit of values on lattices that halve their spacing; there are at least two.

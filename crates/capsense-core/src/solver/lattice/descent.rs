@@ -151,7 +151,7 @@ impl Descent {
             let b = right_hand_side(simd, level, [BLACK, t, k], &mut self.b);
             let around = around(&self.layout, &self.red, &self.zeros, (BLACK + k) % 2, &places.of(t), k);
             let charges = &mut self.charges[..b.len()];
-            stencil.relax_by(simd, &mut black[places.of(t)], charges, b, around);
+            stencil.relax_with_charges(simd, &mut black[places.of(t)], charges, b, around);
             for &s in &active[..=index] {
                 self.gains.add(simd, [k, s, t], &black[places.of(s)], charges);
             }

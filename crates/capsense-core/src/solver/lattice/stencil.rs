@@ -79,9 +79,9 @@ impl Piece<'_, f32> {
         }
     }
 
-    /// The same, with D x.
+    /// The same, and the charges D x.
     #[inline(always)]
-    pub(super) fn relax_by<S: Simd>(
+    pub(super) fn relax_with_charges<S: Simd>(
         &self,
         simd: S,
         x: &mut [f32],
