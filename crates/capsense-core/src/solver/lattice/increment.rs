@@ -4,7 +4,8 @@
 //! With d, the last change of the fields X, and its charges q = K d, the energy of X + c d is least at c = rᵀd / dᵀq, column
 //! by column: Fischer, Comput. Methods Appl. Mech. Engrg. 163 (1998), with one vector. Nothing is moved for that. The sums
 //! below follow the rows that change, so c and all energies are known at once, and the way down of a cycle starts from
-//! r - c q; fields follow when they take a step.
+//! r - c q; fields follow when they take a step. Then d becomes all that they changed by since the step before: c d, what nodes
+//! were relaxed by in between, and the step.
 
 use super::LatticeSolver;
 use super::charges::{NodeCharges, Place};
@@ -13,6 +14,7 @@ use super::level::Level;
 use super::parts::{Part, cut_both, cut_planes};
 use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
+use super::relaxed::{Followed, RelaxedNodes};
 use super::rows::subtract;
 use super::sums::{Nodes, products, total};
 use pulp::Simd;
@@ -53,6 +55,8 @@ pub(super) struct Increment {
     worth: f64,
     follows: bool,
     without: u32,
+    /// What nodes were relaxed by since the last step.
+    pub(super) relaxed: RelaxedNodes,
     /// Room for one node.
     pub(super) node: NodeCharges,
 }
@@ -161,6 +165,7 @@ impl Increment {
             worth: 1.0,
             follows: false,
             without: 0,
+            relaxed: RelaxedNodes::new(layout),
             node: NodeCharges::new(columns),
         }
     }
@@ -226,7 +231,7 @@ impl LatticeSolver {
     pub(super) fn go_ahead(&mut self) {
         let columns = self.columns;
         self.increment.has_moved = false;
-        let can = self.increment.is_known && self.is_single() && self.islands.is_empty();
+        let can = self.increment.is_known && self.is_single();
         let Self { increment, state, hierarchy, .. } = self;
         let Increment { sums, energies, residual, .. } = increment;
         let lengths = &mut hierarchy.levels[0].ahead;
@@ -253,18 +258,19 @@ impl LatticeSolver {
 
     /// Before a step: residuals become those of where the fields are ahead; the step takes the fields there on its way.
     pub(super) fn catch_up(&mut self) {
-        let Self { increment, hierarchy, parts, potentials, workers, layout, .. } = self;
+        let Self { increment, hierarchy, parts, potentials, workers, layout, of_nodes, .. } = self;
         if !increment.has_moved {
             increment.follows = matches!(potentials, Potentials::Single { .. }) && increment.is_to_follow();
         }
-        let Increment { fields, has_moved, lead, kept, energies, residual, is_known, follows, .. } =
-            increment;
+        let Increment {
+            fields, has_moved, lead, kept, energies, residual, is_known, follows, relaxed, ..
+        } = increment;
         if std::mem::replace(has_moved, true) {
             lead.fill(0.0);
             kept.fill(1.0);
             return;
         }
-        let Level { b, charges, ahead, .. } = &mut hierarchy.levels[0];
+        let Level { stencil, b, charges, ahead, .. } = &mut hierarchy.levels[0];
         let is_ahead = ahead.iter().any(|length| *length != 0.0);
         let move_ahead = |vectors: &mut Coloured<f32>, along: &Coloured<f32>, sign: f32| {
             let (slabs, lengths) = (&parts.slabs, &**ahead);
@@ -282,6 +288,20 @@ impl LatticeSolver {
         }
         lead.copy_from_slice(ahead);
         kept.copy_from_slice(ahead);
+        if let Potentials::Single { x, .. } = potentials
+            && *follows
+        {
+            relaxed.hand_over(Followed {
+                of_nodes,
+                layout,
+                stencil,
+                kept,
+                fields: x,
+                change: fields,
+                charges,
+            });
+        }
+        relaxed.clear();
         ahead.fill(0.0);
         energies.fill(0.0);
         residual.fill(0.0);
@@ -302,6 +322,7 @@ impl LatticeSolver {
     /// Forgets the last change.
     pub(super) fn drop_increment(&mut self) {
         self.increment.is_known = false;
+        self.increment.relaxed.clear();
         self.increment.energies.fill(0.0);
         self.increment.residual.fill(0.0);
         self.hierarchy.levels[0].ahead.fill(0.0);

@@ -25,6 +25,7 @@ mod products;
 mod prolongation;
 mod refreshed;
 mod relaxation;
+mod relaxed;
 mod restriction;
 mod rows;
 mod shares;

@@ -111,10 +111,11 @@ impl LatticeSolver {
         if self.islands.is_empty() {
             return;
         }
-        let (layout, b) = (self.layout, &self.hierarchy.levels[0].b);
+        let (layout, finest) = (self.layout, &self.hierarchy.levels[0]);
         let r = |node: u32, column: usize| {
-            let (colour, at) = layout.place(layout.indices(node as usize));
-            f64::from(b[colour][layout.in_column(column, at)])
+            let (colour, first) = layout.place(layout.indices(node as usize));
+            let at = layout.in_column(column, first);
+            f64::from(finest.b[colour][at]) - f64::from(finest.ahead[column] * finest.charges[colour][at])
         };
         self.islands.add_gains(r, &self.active, self.columns, &mut self.gains);
     }

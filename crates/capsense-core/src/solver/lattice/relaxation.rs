@@ -294,7 +294,7 @@ impl Refreshed<'_> {
         let (layout, groups) = (finest.layout, room.groups.len());
         for relaxed in 0..room.relaxed.len() {
             let number = room.relaxed[relaxed].node as usize + 1;
-            let Place { colour, first, .. } = room.places[number];
+            let place @ Place { colour, first, .. } = room.places[number];
             for group in 0..groups {
                 let field = &room.fields[relaxed * groups + group];
                 let residual = &room.residuals[number * groups + group];
@@ -305,6 +305,9 @@ impl Refreshed<'_> {
                     of_increment: residual.of_increment,
                 };
                 potentials.move_to(&room.groups[group], colour, first, field.now);
+                if potentials.is_single() {
+                    increment.relaxed.note(place, group, field.now - field.before);
+                }
             }
             room.multiply();
         }
