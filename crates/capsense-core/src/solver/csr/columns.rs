@@ -226,6 +226,28 @@ impl<const L: usize> Columns<L> {
         self.add_energies_of_objects(rows, 1.0);
     }
 
+    /// x += c d and K x += c q of each column, all pairs of which have the products xᵀK d and dᵀq; the energies with it.
+    pub(super) fn lead(
+        &mut self,
+        rows: &Rows,
+        [d, q]: [&[[f64; L]]; 2],
+        lengths: &[f64; L],
+        [with_fields, own]: [&[[f64; L]; L]; 2],
+    ) {
+        let move_along = |to: &mut [[f64; L]], along: &[[f64; L]]| {
+            for (to, along) in to.iter_mut().zip(along) {
+                (0..L).for_each(|lane| to[lane] += lengths[lane] * along[lane]);
+            }
+        };
+        move_along(&mut self.x, d);
+        move_along(&mut self.kx, q);
+        self.evaluate_objects(rows);
+        for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
+            let linear = lengths[t] * with_fields[s][t] + lengths[s] * with_fields[t][s];
+            self.energies[s][t] += linear + lengths[s] * lengths[t] * own[s][t];
+        }
+    }
+
     /// Adds `sign` times the part of the energies that is of rows of objects.
     fn add_energies_of_objects(&mut self, rows: &Rows, sign: f64) {
         let Self { x, kx, energies, .. } = self;
@@ -261,6 +283,16 @@ impl<const L: usize> Columns<L> {
             add(&mut sums[1], &partial.along);
         }
         sums
+    }
+}
+
+/// Adds the products of all pairs of columns of two rows.
+#[inline(always)]
+pub(super) fn add_products<const L: usize>(sums: &mut [[f64; L]; L], a: &[f64; L], b: &[f64; L]) {
+    for (sums, &a) in sums.iter_mut().zip(a) {
+        for lane in 0..L {
+            sums[lane] += a * b[lane];
+        }
     }
 }
 

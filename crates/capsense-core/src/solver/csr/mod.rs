@@ -11,6 +11,7 @@
 mod aggregation;
 mod columns;
 mod direct;
+mod increment;
 mod inverse;
 mod ordering;
 mod pattern;
@@ -25,6 +26,7 @@ use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
 use columns::{Along, Columns, Sums, add};
+use increment::Increment;
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
 
@@ -48,6 +50,8 @@ pub(crate) struct Solver<const L: usize> {
     columns: usize,
     rows: Rows,
     groups: Vec<Columns<L>>,
+    /// What the fields of each group changed by last.
+    increments: Vec<Increment<L>>,
     inverse: Inverse<L>,
     islands: Islands,
     workers: Workers,
@@ -185,6 +189,10 @@ impl Operator for CsrSolver {
         for_width!(self, of => of.evaluate());
     }
 
+    fn go_ahead(&mut self) {
+        for_width!(self, of => of.go_ahead());
+    }
+
     fn descend(&mut self, _active: &[bool]) {
         for_width!(self, of => of.descend());
     }
@@ -229,6 +237,7 @@ impl<const L: usize> Solver<L> {
         Self {
             columns,
             groups: vec![Columns::new(nodes, objects); groups],
+            increments: vec![Increment::new(nodes); groups],
             inverse: Inverse::new(preconditioner, &rows, groups),
             rows,
             islands: Islands::default(),
@@ -255,7 +264,8 @@ impl<const L: usize> Solver<L> {
         let group = &mut self.groups[column / L];
         let before = group.x[row][column % L];
         group.set_potential(row, column % L, value);
-        if before.to_bits() != value.to_bits() && row < self.rows.len() {
+        let changes_charges = self.increments[column / L].hold(row, column % L);
+        if (before.to_bits() != value.to_bits() || changes_charges) && row < self.rows.len() {
             // What K x is there and at all neighbours.
             self.stale.push(row as u32);
             self.rows.row(row).0.iter().for_each(|&other| self.stale.push(other));
@@ -264,6 +274,7 @@ impl<const L: usize> Solver<L> {
 
     fn clear(&mut self) {
         self.groups.iter_mut().for_each(Columns::clear);
+        self.increments.iter_mut().for_each(Increment::forget);
         self.inverse.clear();
         self.state.clear();
     }
@@ -275,10 +286,11 @@ impl<const L: usize> Solver<L> {
             self.inverse.refresh(&self.rows);
             self.evaluate();
         } else {
-            let Self { rows, groups, inverse, stale, workers, .. } = self;
+            let Self { rows, groups, increments, inverse, stale, workers, .. } = self;
             let charges = || {
                 stale.rows.sort_unstable();
                 groups.iter_mut().for_each(|group| group.evaluate_rows(rows, &stale.rows));
+                increments.iter_mut().for_each(|increment| increment.refresh(rows, &stale.rows));
             };
             workers.both(|| inverse.refresh(rows), charges);
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
@@ -288,6 +300,7 @@ impl<const L: usize> Solver<L> {
     }
 
     fn evaluate(&mut self) {
+        self.increments.iter_mut().for_each(Increment::forget);
         for index in 0..self.groups.len() {
             let sums = self.groups[index].evaluate(&self.rows, &self.workers);
             self.record(index, &sums);
@@ -328,6 +341,14 @@ impl<const L: usize> Solver<L> {
         if s < self.columns && t < self.columns {
             self.state.energies[s * self.columns + t] = energy;
         }
+    }
+
+    fn go_ahead(&mut self) {
+        for (group, increment) in self.groups.iter_mut().zip(&mut self.increments) {
+            increment.go_ahead(&self.rows, group, &self.workers);
+        }
+        (0..self.groups.len()).for_each(|index| self.take_energies(index));
+        self.add_cross_energies();
     }
 
     fn descend(&mut self) {
@@ -392,11 +413,14 @@ impl<const L: usize> Solver<L> {
         for index in 0..self.groups.len() {
             let along = Along::new(lanes(a, index), lanes(b, index));
             let (group, rows, workers) = (&mut self.groups[index], &self.rows, &self.workers);
+            let increment = &mut self.increments[index];
+            increment.start_step(group);
             let sums = match self.inverse.preconditioned(index) {
                 Preconditioned::Single(z) => group.step(rows, z, &along, workers),
                 Preconditioned::Double(z) => group.step(rows, z, &along, workers),
                 Preconditioned::Work(work) => group.step(rows, work.solution(), &along, workers),
             };
+            increment.end_step(group);
             self.record(index, &sums);
         }
         self.add_cross_energies();

@@ -1,0 +1,143 @@
+//! What fields will change by, as far as the last change tells, as on lattices (`solver::lattice::increment`): with d, the
+//! change from one step to the next, and q = K d, the energy of x + c d is least at c = rᵀd / dᵀq, column by column (Fischer,
+//! Comput. Methods Appl. Mech. Engrg. 163, 1998, with one vector). Products are summed over all rows and the fields moved, which
+//! costs little beside half a cycle.
+
+use super::columns::{Columns, add, add_products};
+use super::rows::{Rows, STRIP};
+use crate::workers::{Workers, vectorised};
+
+/// A change that lowers no energy by more than this part of it is not worth its product.
+const LEAST_GAIN: f64 = 1e-7;
+
+/// Between two steps, fields must not be led further than this times their last change.
+const FURTHEST: f64 = 8.0;
+
+/// The last change of a group of columns.
+#[derive(Clone, Debug)]
+pub(super) struct Increment<const L: usize> {
+    /// d, zero at rows that are fixed, and q.
+    fields: Vec<[f64; L]>,
+    charges: Vec<[f64; L]>,
+    /// Whether there was a change.
+    is_known: bool,
+    /// How far the fields were led along it since the last step, and whether the solve under way has taken one.
+    lead: [f64; L],
+    has_moved: bool,
+    /// xᵀK d and dᵀq of every strip, all pairs of columns.
+    products: Vec<[[[f64; L]; L]; 2]>,
+}
+
+impl<const L: usize> Increment<L> {
+    /// None yet, at so many nodes.
+    pub(super) fn new(nodes: usize) -> Self {
+        Self {
+            fields: vec![[0.0; L]; nodes],
+            charges: vec![[0.0; L]; nodes],
+            is_known: false,
+            lead: [0.0; L],
+            has_moved: false,
+            products: vec![[[[0.0; L]; L]; 2]; nodes.div_ceil(STRIP)],
+        }
+    }
+
+    /// Forgets the last change, and all that is no number.
+    pub(super) fn forget(&mut self) {
+        self.fields.fill([0.0; L]);
+        self.charges.fill([0.0; L]);
+        self.lead = [0.0; L];
+        self.is_known = false;
+    }
+
+    /// The potential of a row was set. Returns whether that changes q at its neighbours.
+    pub(super) fn hold(&mut self, row: usize, lane: usize) -> bool {
+        self.fields.get_mut(row).is_some_and(|fields| std::mem::take(&mut fields[lane]) != 0.0)
+    }
+
+    /// Recomputes q at some rows.
+    pub(super) fn refresh(&mut self, rows: &Rows, some: &[u32]) {
+        if self.is_known {
+            for &row in some {
+                self.charges[row as usize] = rows.product(row as usize, &self.fields, 0);
+            }
+        }
+    }
+
+    /// Begins a solve: leads the fields as far along the last change as lowers their energies most.
+    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>, workers: &Workers) {
+        self.has_moved = false;
+        if !self.is_known {
+            return;
+        }
+        let [with_fields, own] = self.sum(columns, workers);
+        if !with_fields.iter().chain(&own).flatten().all(|product| product.is_finite()) {
+            self.forget();
+            return;
+        }
+        let mut lengths = [0.0; L];
+        for (lane, length) in lengths.iter_mut().enumerate() {
+            let (slope, curvature) = (-with_fields[lane][lane], own[lane][lane]);
+            let best = slope / curvature;
+            let is_worth_it = curvature > 0.0 && best * slope > LEAST_GAIN * columns.energies()[lane][lane];
+            if is_worth_it && (self.lead[lane] + best).abs() <= FURTHEST {
+                (*length, self.lead[lane]) = (best, self.lead[lane] + best);
+            }
+        }
+        if lengths != [0.0; L] {
+            let Self { fields, charges, .. } = &*self;
+            columns.lead(rows, [fields, charges], &lengths, [&with_fields, &own]);
+        }
+    }
+
+    /// XᵀKD and DᵀKD.
+    fn sum(&mut self, columns: &Columns<L>, workers: &Workers) -> [[[f64; L]; L]; 2] {
+        let Self { fields, charges, products, .. } = self;
+        let (fields, charges, kx) = (&**fields, &**charges, &*columns.kx);
+        let size = products.len().div_ceil(workers.threads()).max(1);
+        workers.for_each(products.chunks_mut(size).zip((0..).step_by(size * STRIP)), |(strips, first)| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (products, from) in strips.iter_mut().zip((first..).step_by(STRIP)) {
+                        *products = [[[0.0; L]; L]; 2];
+                        let strip = from..(from + STRIP).min(fields.len());
+                        let of_change = fields[strip.clone()].iter().zip(&charges[strip.clone()]);
+                        for (kx, (d, q)) in kx[strip].iter().zip(of_change) {
+                            add_products(&mut products[0], kx, d);
+                            add_products(&mut products[1], d, q);
+                        }
+                    }
+                },
+            );
+        });
+        let mut sums = [[[0.0; L]; L]; 2];
+        for strip in &*products {
+            for (sum, part) in sums.iter_mut().flatten().flatten().zip(strip.iter().flatten().flatten()) {
+                *sum += part;
+            }
+        }
+        sums
+    }
+
+    /// Before a step: what is kept of the change, less the fields and K x as they are.
+    pub(super) fn start_step(&mut self, columns: &Columns<L>) {
+        let kept = if std::mem::replace(&mut self.has_moved, true) { [1.0; L] } else { self.lead };
+        self.lead = [0.0; L];
+        let take = |of: &mut [[f64; L]], from: &[[f64; L]]| {
+            for (of, from) in of.iter_mut().zip(from) {
+                (0..L).for_each(|lane| of[lane] = kept[lane] * of[lane] - from[lane]);
+            }
+        };
+        take(&mut self.fields, &columns.x);
+        take(&mut self.charges, &columns.kx);
+    }
+
+    /// After it: and as they have become.
+    pub(super) fn end_step(&mut self, columns: &Columns<L>) {
+        let change =
+            |of: &mut [[f64; L]], to: &[[f64; L]]| of.iter_mut().zip(to).for_each(|(of, to)| add(of, to));
+        change(&mut self.fields, &columns.x);
+        change(&mut self.charges, &columns.kx);
+        self.is_known = true;
+    }
+}
