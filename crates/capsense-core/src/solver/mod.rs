@@ -15,6 +15,7 @@ mod operator;
 mod pcg;
 mod preconditioner;
 mod remote;
+mod worth;
 
 pub(crate) use bracket::EdgeFields;
 pub(crate) use field_solver::FieldSolver;

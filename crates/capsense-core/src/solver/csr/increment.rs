@@ -5,13 +5,8 @@
 
 use super::columns::{Columns, add, add_products};
 use super::rows::{Rows, STRIP};
+use crate::solver::worth::{self, Worth};
 use crate::workers::{Workers, vectorised};
-
-/// A change that lowers no energy by more than this part of it is not worth its product.
-const LEAST_GAIN: f64 = 1e-7;
-
-/// Between two steps, fields must not be led further than this times their last change.
-const FURTHEST: f64 = 8.0;
 
 /// The last change of a group of columns.
 #[derive(Clone, Debug)]
@@ -24,6 +19,10 @@ pub(super) struct Increment<const L: usize> {
     /// How far the fields were led along it since the last step, and whether the solve under way has taken one.
     lead: [f64; L],
     has_moved: bool,
+    /// By how much going ahead has lowered the energies in the solve under way, what it gains, and whether steps are followed.
+    gained: f64,
+    worth: Worth,
+    follows: bool,
     /// xᵀK d and dᵀq of every strip, all pairs of columns.
     products: Vec<[[[f64; L]; L]; 2]>,
 }
@@ -37,6 +36,9 @@ impl<const L: usize> Increment<L> {
             is_known: false,
             lead: [0.0; L],
             has_moved: false,
+            gained: 0.0,
+            worth: Worth::default(),
+            follows: false,
             products: vec![[[[0.0; L]; L]; 2]; nodes.div_ceil(STRIP)],
         }
     }
@@ -74,18 +76,24 @@ impl<const L: usize> Increment<L> {
             self.forget();
             return;
         }
-        let mut lengths = [0.0; L];
+        let (mut lengths, before) = ([0.0; L], trace(columns.energies()));
         for (lane, length) in lengths.iter_mut().enumerate() {
             let (slope, curvature) = (-with_fields[lane][lane], own[lane][lane]);
-            let best = slope / curvature;
-            let is_worth_it = curvature > 0.0 && best * slope > LEAST_GAIN * columns.energies()[lane][lane];
-            if is_worth_it && (self.lead[lane] + best).abs() <= FURTHEST {
-                (*length, self.lead[lane]) = (best, self.lead[lane] + best);
-            }
+            let energy = columns.energies()[lane][lane];
+            *length = worth::length(slope, curvature, energy, self.lead[lane]);
         }
+        add(&mut self.lead, &lengths);
         if lengths != [0.0; L] {
             let Self { fields, charges, .. } = &*self;
             columns.lead(rows, [fields, charges], &lengths, [&with_fields, &own]);
+        }
+        self.gained = before - trace(columns.energies());
+    }
+
+    /// Learns what going ahead is worth from what a cycle tells that there is left to gain, of all pairs of columns.
+    pub(super) fn note_gains(&mut self, left: &[[f64; L]; L]) {
+        if self.is_known && !self.has_moved {
+            self.worth.learn(self.gained, trace(left));
         }
     }
 
@@ -121,8 +129,16 @@ impl<const L: usize> Increment<L> {
 
     /// Before a step: what is kept of the change, less the fields and K x as they are.
     pub(super) fn start_step(&mut self, columns: &Columns<L>) {
-        let kept = if std::mem::replace(&mut self.has_moved, true) { [1.0; L] } else { self.lead };
+        let is_first = !std::mem::replace(&mut self.has_moved, true);
+        if is_first {
+            self.follows = self.worth.is_to_follow();
+        }
+        let kept = if is_first { self.lead } else { [1.0; L] };
         self.lead = [0.0; L];
+        if !self.follows {
+            self.is_known = false;
+            return;
+        }
         let take = |of: &mut [[f64; L]], from: &[[f64; L]]| {
             for (of, from) in of.iter_mut().zip(from) {
                 (0..L).for_each(|lane| of[lane] = kept[lane] * of[lane] - from[lane]);
@@ -134,10 +150,18 @@ impl<const L: usize> Increment<L> {
 
     /// After it: and as they have become.
     pub(super) fn end_step(&mut self, columns: &Columns<L>) {
+        if !self.follows {
+            return;
+        }
         let change =
             |of: &mut [[f64; L]], to: &[[f64; L]]| of.iter_mut().zip(to).for_each(|(of, to)| add(of, to));
         change(&mut self.fields, &columns.x);
         change(&mut self.charges, &columns.kx);
         self.is_known = true;
     }
+}
+
+/// The sum over all columns of what each has of its own.
+fn trace<const L: usize>(of: &[[f64; L]; L]) -> f64 {
+    (0..L).map(|lane| of[lane][lane]).sum()
 }

@@ -356,6 +356,7 @@ impl<const L: usize> Solver<L> {
             let kx = &self.groups[index].kx;
             let Told { gains, of_finest, residual } =
                 self.inverse.descend(index, &self.rows, kx, &self.workers);
+            self.increments[index].note_gains(&gains);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 let (row, column) = (index * L + s, index * L + t);
                 if row < self.columns && column < self.columns {

@@ -17,21 +17,9 @@ use super::precision::{Leaking, Network};
 use super::relaxed::{Followed, RelaxedNodes};
 use super::rows::subtract;
 use super::sums::{Nodes, products, total};
+use crate::solver::worth::{self, Worth};
 use pulp::Simd;
 use std::ops::Range;
-
-/// A change that lowers no energy by more than this part of it is not worth its product.
-const LEAST_GAIN: f64 = 1e-7;
-
-/// Going ahead must have gained this part of what there was to gain, lately, for another change to be followed; or so many
-/// have not been. What the last frame showed has this weight. Where bodies are seen to move by jumps from pixel to pixel it
-/// gains a twentieth, and a step that is followed costs a quarter more.
-const WORTHWHILE: f64 = 0.2;
-const LOOK_AFTER: u32 = 6;
-const FADING: f64 = 0.3;
-
-/// The fields must not be led further than this times their last change.
-const FURTHEST: f64 = 8.0;
 
 /// The last change of the fields.
 #[derive(Clone, Debug)]
@@ -50,11 +38,9 @@ pub(super) struct Increment {
     pub(super) has_moved: bool,
     lead: Vec<f32>,
     kept: Vec<f32>,
-    /// What going ahead has gained lately, as a part of what there was to gain; whether the steps under way are followed, and
-    /// how many solves before were not.
-    worth: f64,
+    /// What going ahead has gained lately, and whether the steps under way are followed.
+    worth: Worth,
     follows: bool,
-    without: u32,
     /// What nodes were relaxed by since the last step.
     pub(super) relaxed: RelaxedNodes,
     /// Room for one node.
@@ -135,9 +121,7 @@ impl Sums {
     fn length(&self, column: usize, energy: f64) -> f64 {
         let own = column * self.columns + column;
         let (slope, curvature) = (self.with_residuals[own], self.with_charges[own]);
-        let length = slope / curvature;
-        let is_worth_it = curvature > 0.0 && length * slope > LEAST_GAIN * energy;
-        if is_worth_it && length.abs() <= FURTHEST { length } else { 0.0 }
+        worth::length(slope, curvature, energy, 0.0)
     }
 
     /// By how much the energy of a pair s <= t of columns is another once both have gone so far.
@@ -162,9 +146,8 @@ impl Increment {
             has_moved: false,
             lead: vec![0.0; columns],
             kept: vec![0.0; columns],
-            worth: 1.0,
+            worth: Worth::default(),
             follows: false,
-            without: 0,
             relaxed: RelaxedNodes::new(layout),
             node: NodeCharges::new(columns),
         }
@@ -196,17 +179,7 @@ impl Increment {
             return;
         }
         let own = |of: &[f64]| of.iter().step_by(self.sums.columns + 1).sum::<f64>();
-        let (ahead, left) = (-own(&self.energies), own(gains));
-        if ahead + left > 0.0 && left.is_finite() {
-            self.worth += FADING * (ahead / (ahead + left) - self.worth);
-        }
-    }
-
-    /// Whether it is to follow the step that comes: where it was of no use, only now and then.
-    fn is_to_follow(&mut self) -> bool {
-        let follows = self.worth >= WORTHWHILE || self.without >= LOOK_AFTER;
-        self.without = if follows { 0 } else { self.without + 1 };
-        follows
+        self.worth.learn(-own(&self.energies), own(gains));
     }
 
     /// How far a column with such an energy would go if it went now.
@@ -260,7 +233,8 @@ impl LatticeSolver {
     pub(super) fn catch_up(&mut self) {
         let Self { increment, hierarchy, parts, potentials, workers, layout, of_nodes, .. } = self;
         if !increment.has_moved {
-            increment.follows = matches!(potentials, Potentials::Single { .. }) && increment.is_to_follow();
+            increment.follows =
+                matches!(potentials, Potentials::Single { .. }) && increment.worth.is_to_follow();
         }
         let Increment {
             fields, has_moved, lead, kept, energies, residual, is_known, follows, relaxed, ..
