@@ -65,16 +65,16 @@ impl<const L: usize> Increment<L> {
         }
     }
 
-    /// Begins a solve: leads the fields as far along the last change as lowers their energies most.
-    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>, workers: &Workers) {
-        self.has_moved = false;
+    /// Begins a solve: leads the fields as far along the last change as lowers their energies most. Returns whether they moved.
+    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>, workers: &Workers) -> bool {
+        (self.has_moved, self.gained) = (false, 0.0);
         if !self.is_known {
-            return;
+            return false;
         }
         let [with_fields, own] = self.sum(columns, workers);
         if !with_fields.iter().chain(&own).flatten().all(|product| product.is_finite()) {
             self.forget();
-            return;
+            return false;
         }
         let (mut lengths, before) = ([0.0; L], trace(columns.energies()));
         for (lane, length) in lengths.iter_mut().enumerate() {
@@ -82,12 +82,13 @@ impl<const L: usize> Increment<L> {
             let energy = columns.energies()[lane][lane];
             *length = worth::length(slope, curvature, energy, self.lead[lane]);
         }
-        add(&mut self.lead, &lengths);
-        if lengths != [0.0; L] {
-            let Self { fields, charges, .. } = &*self;
-            columns.lead(rows, [fields, charges], &lengths, [&with_fields, &own]);
+        if lengths == [0.0; L] {
+            return false;
         }
+        add(&mut self.lead, &lengths);
+        columns.lead(rows, [&self.fields, &self.charges], &lengths, [&with_fields, &own]);
         self.gained = before - trace(columns.energies());
+        true
     }
 
     /// Learns what going ahead is worth from what a cycle tells that there is left to gain, of all pairs of columns.

@@ -344,11 +344,14 @@ impl<const L: usize> Solver<L> {
     }
 
     fn go_ahead(&mut self) {
-        for (group, increment) in self.groups.iter_mut().zip(&mut self.increments) {
-            increment.go_ahead(&self.rows, group, &self.workers);
+        let mut has_moved = false;
+        for (index, increment) in self.increments.iter_mut().enumerate() {
+            has_moved |= increment.go_ahead(&self.rows, &mut self.groups[index], &self.workers);
         }
-        (0..self.groups.len()).for_each(|index| self.take_energies(index));
-        self.add_cross_energies();
+        if has_moved {
+            (0..self.groups.len()).for_each(|index| self.take_energies(index));
+            self.add_cross_energies();
+        }
     }
 
     fn descend(&mut self) {
