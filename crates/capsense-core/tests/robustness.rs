@@ -346,7 +346,8 @@ fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
         });
         // Twice as many is the aim. It was 2.51 times on this lattice while coarse networks tied the bar to ground; it is 110 to 49
         // now, and on plain tetrahedra 148 to 54: 148 to 70 before fields were led on, which spares the conductor alone steps there.
-        assert!(100 * iterations[1] <= 280 * iterations[0], "{iterations:?}");
+        let percent = if sensor.lattice().is_some() { 250 } else { 280 };
+        assert!(100 * iterations[1] <= percent * iterations[0], "{iterations:?}");
     }
 }
 

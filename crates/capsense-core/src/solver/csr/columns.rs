@@ -40,11 +40,7 @@ impl<const L: usize> Sums<L> {
     /// Takes in one row.
     #[inline(always)]
     fn add_row(&mut self, x: &[f64; L], kx: &[f64; L], p: &[f32; L], fixed: bool) {
-        for (energies, &x) in self.energies.iter_mut().zip(x) {
-            for lane in 0..L {
-                energies[lane] += x * kx[lane];
-            }
-        }
+        add_products(&mut self.energies, x, kx);
         for lane in 0..L {
             self.along[lane] += kx[lane] * f64::from(p[lane]);
         }

@@ -25,7 +25,7 @@ use super::operator::{Operator, State};
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
-use columns::{Along, Columns, Sums, add};
+use columns::{Along, Columns, Sums, add_products};
 use increment::Increment;
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
@@ -458,9 +458,7 @@ fn add_islands<const L: usize>(
 fn cross_energies<const L: usize>(a: &Columns<L>, b: &Columns<L>) -> [[f64; L]; L] {
     let mut energies = [[0.0; L]; L];
     for (x, kx) in a.x.iter().zip(&b.kx) {
-        for (energies, &x) in energies.iter_mut().zip(x) {
-            add(energies, &kx.map(|kx| x * kx));
-        }
+        add_products(&mut energies, x, kx);
     }
     energies
 }

@@ -9,7 +9,7 @@ use super::layout::{Coloured, Layout};
 use super::stencil::Stencil;
 use glam::Vec4;
 
-/// So many nodes are kept: one in so many of all. Of others the change lacks some.
+/// Of as many as one in so many of all nodes it is kept by how much they were relaxed. What is beyond them the change lacks.
 const FEW: usize = 3;
 
 /// A change of which less than this part is kept keeps nothing of what nodes were relaxed by.
