@@ -193,7 +193,7 @@ impl<const L: usize> Columns<L> {
     }
 
     /// The charges on objects that links bring.
-    fn evaluate_objects(&mut self, rows: &Rows) {
+    pub(super) fn evaluate_objects(&mut self, rows: &Rows) {
         self.kx[rows.len()..].fill([0.0; L]);
         for link in rows.links() {
             let (row, object) = (link.row as usize, link.object_row as usize);
@@ -242,6 +242,32 @@ impl<const L: usize> Columns<L> {
             let linear = lengths[t] * with_fields[s][t] + lengths[s] * with_fields[t][s];
             self.energies[s][t] += linear + lengths[s] * lengths[t] * own[s][t];
         }
+    }
+
+    /// The energy of each column.
+    pub(super) fn own_energies(&self) -> [f64; L] {
+        std::array::from_fn(|lane| self.energies[lane][lane])
+    }
+
+    /// Whether relaxing a free row would take more than that from the energy of any column.
+    #[inline(always)]
+    pub(super) fn has_more_to_shed(&self, rows: &Rows, row: usize, allowed: &[f64; L]) -> bool {
+        let diagonal = rows.diagonal()[row];
+        let over = self.kx[row].iter().zip(allowed).map(|(kx, allowed)| kx * kx > allowed * diagonal);
+        over.fold(false, |any, over| any | over)
+    }
+
+    /// Relaxes a free row. What it changes at objects is to be evaluated.
+    #[inline(always)]
+    pub(super) fn relax(&mut self, rows: &Rows, row: usize) {
+        let Self { x, kx, energies, .. } = self;
+        let (residual, inverse) = (kx[row].map(|kx| -kx), rows.diagonal()[row].recip());
+        let by = residual.map(|residual| residual * inverse);
+        for (energies, &residual) in energies.iter_mut().zip(&residual) {
+            (0..L).for_each(|lane| energies[lane] -= residual * by[lane]);
+        }
+        add(&mut x[row], &by);
+        rows.add_charges(row, &by, kx);
     }
 
     /// Adds `sign` times the part of the energies that is of rows of objects.

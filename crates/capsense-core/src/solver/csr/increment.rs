@@ -4,6 +4,7 @@
 //! costs little beside half a cycle.
 
 use super::columns::{Columns, add, add_products};
+use super::relaxation::Relaxed;
 use super::rows::{Rows, STRIP};
 use crate::solver::worth::{self, Worth};
 use crate::workers::{Workers, vectorised};
@@ -12,8 +13,8 @@ use crate::workers::{Workers, vectorised};
 #[derive(Clone, Debug)]
 pub(super) struct Increment<const L: usize> {
     /// d, zero at rows that are fixed, and q.
-    fields: Vec<[f64; L]>,
-    charges: Vec<[f64; L]>,
+    pub(super) fields: Vec<[f64; L]>,
+    pub(super) charges: Vec<[f64; L]>,
     /// Whether there was a change.
     is_known: bool,
     /// How far the fields were led along it since the last step, and whether the solve under way has taken one.
@@ -23,6 +24,8 @@ pub(super) struct Increment<const L: usize> {
     gained: f64,
     worth: Worth,
     follows: bool,
+    /// What rows were relaxed by since the last step: a part of the change that ends with the next one.
+    pub(super) relaxed: Relaxed<L>,
     /// xᵀK d and dᵀq of every strip, all pairs of columns.
     products: Vec<[[[f64; L]; L]; 2]>,
 }
@@ -39,6 +42,7 @@ impl<const L: usize> Increment<L> {
             gained: 0.0,
             worth: Worth::default(),
             follows: false,
+            relaxed: Relaxed::new(nodes),
             products: vec![[[[0.0; L]; L]; 2]; nodes.div_ceil(STRIP)],
         }
     }
@@ -49,6 +53,7 @@ impl<const L: usize> Increment<L> {
         self.charges.fill([0.0; L]);
         self.lead = [0.0; L];
         self.is_known = false;
+        self.relaxed.clear();
     }
 
     /// The potential of a row was set. Returns whether that changes q at its neighbours.
@@ -91,6 +96,11 @@ impl<const L: usize> Increment<L> {
         true
     }
 
+    /// Then takes from the rows that changed what energy can be taken there. Returns whether any of them moved.
+    pub(super) fn relax(&mut self, rows: &Rows, columns: &mut Columns<L>) -> bool {
+        self.relaxed.relax(rows, columns)
+    }
+
     /// Learns what going ahead is worth from what a cycle tells that there is left to gain, of all pairs of columns.
     pub(super) fn note_gains(&mut self, left: &[[f64; L]; L]) {
         if self.is_known && !self.has_moved {
@@ -129,7 +139,7 @@ impl<const L: usize> Increment<L> {
     }
 
     /// Before a step: what is kept of the change, less the fields and K x as they are.
-    pub(super) fn start_step(&mut self, columns: &Columns<L>) {
+    pub(super) fn start_step(&mut self, rows: &Rows, columns: &Columns<L>) {
         let is_first = !std::mem::replace(&mut self.has_moved, true);
         if is_first {
             self.follows = self.worth.is_to_follow();
@@ -138,6 +148,7 @@ impl<const L: usize> Increment<L> {
         self.lead = [0.0; L];
         if !self.follows {
             self.is_known = false;
+            self.relaxed.clear();
             return;
         }
         let take = |of: &mut [[f64; L]], from: &[[f64; L]]| {
@@ -147,6 +158,7 @@ impl<const L: usize> Increment<L> {
         };
         take(&mut self.fields, &columns.x);
         take(&mut self.charges, &columns.kx);
+        self.relaxed.hand_over(rows, &mut self.fields, &mut self.charges);
     }
 
     /// After it: and as they have become.

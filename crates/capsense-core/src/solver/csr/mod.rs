@@ -15,6 +15,7 @@ mod increment;
 mod inverse;
 mod ordering;
 mod pattern;
+mod relaxation;
 mod rows;
 #[cfg(test)]
 mod tests;
@@ -347,6 +348,7 @@ impl<const L: usize> Solver<L> {
         let mut has_moved = false;
         for (index, increment) in self.increments.iter_mut().enumerate() {
             has_moved |= increment.go_ahead(&self.rows, &mut self.groups[index], &self.workers);
+            has_moved |= increment.relax(&self.rows, &mut self.groups[index]);
         }
         if has_moved {
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
@@ -418,7 +420,7 @@ impl<const L: usize> Solver<L> {
             let along = Along::new(lanes(a, index), lanes(b, index));
             let (group, rows, workers) = (&mut self.groups[index], &self.rows, &self.workers);
             let increment = &mut self.increments[index];
-            increment.start_step(group);
+            increment.start_step(rows, group);
             let sums = match self.inverse.preconditioned(index) {
                 Preconditioned::Single(z) => group.step(rows, z, &along, workers),
                 Preconditioned::Double(z) => group.step(rows, z, &along, workers),

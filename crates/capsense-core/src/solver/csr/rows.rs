@@ -171,6 +171,16 @@ impl Rows {
         (&self.pattern.columns()[entries.clone()], &self.weights[entries])
     }
 
+    /// Adds what the charges of a row and of its neighbours change by when its potential changes.
+    #[inline(always)]
+    pub(super) fn add_charges<const L: usize>(&self, row: usize, by: &[f64; L], charges: &mut [[f64; L]]) {
+        let (columns, weights) = self.row(row);
+        for (&column, &weight) in columns.iter().zip(weights) {
+            add_product(&mut charges[column as usize], -weight, by);
+        }
+        add_product(&mut charges[row], self.diagonal[row], by);
+    }
+
     /// The weight at one entry.
     pub(super) fn weight(&self, entry: usize) -> f64 {
         self.weights[entry]

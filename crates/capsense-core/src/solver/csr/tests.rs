@@ -1,5 +1,7 @@
 //! The operator against closed identities.
 
+mod ahead;
+
 use super::*;
 use crate::electrode::{Electrode, Outline};
 use crate::geometry::Aabb;
@@ -496,51 +498,6 @@ fn energies_are_those_of_the_fields_before_any_step() {
             solver.evaluate();
             for (followed, expected) in followed.iter().zip(&solver.state().energies) {
                 assert!((followed - expected).abs() < 1e-12 * solver.state().energies[0], "{height}");
-            }
-        }
-    }
-}
-
-/// Where fields are led along their last change they have less energy, and energies and K x are those of where they are; on any
-/// number of threads to the same bits.
-#[test]
-fn going_ahead_moves_fields_to_less_energy() {
-    for columns in [3, 10] {
-        let mut scene = Scene::new(5_000);
-        let mut solvers = [1, 3].map(|threads| scene.solver(columns, Preconditioner::Multigrid, threads));
-        solvers.iter_mut().for_each(|solver| iterate(solver, 6));
-        for height in [0.0309, 0.0307, 0.0305] {
-            scene.move_plate(height);
-            for solver in &mut solvers {
-                scene.tell(solver);
-                solver.go_ahead();
-                iterate(solver, 3);
-            }
-        }
-        // Once more without a step, which is led on twice as far.
-        for height in [0.0303, 0.0301] {
-            scene.move_plate(height);
-            let standing = solvers.each_mut().map(|solver| {
-                scene.tell(solver);
-                let standing = solver.state().energies.clone();
-                solver.go_ahead();
-                standing
-            });
-            let [solver, other] = &mut solvers;
-            let (rows, ahead) = (scene.holders.len(), solver.state().energies.clone());
-            for column in 0..columns {
-                let own = column * (columns + 1);
-                assert!(ahead[own] < (1.0 - 1e-6) * standing[0][own], "{height} {column}");
-                assert!(bits(solver, column, rows) == bits(other, column, rows), "{height} {column}");
-            }
-            let mut moved = solver.clone();
-            moved.evaluate();
-            for (ahead, expected) in ahead.iter().zip(&moved.state().energies) {
-                assert!((ahead - expected).abs() < 1e-12 * moved.state().energies[0], "{ahead} {expected}");
-            }
-            for (column, row) in (0..columns).flat_map(|column| (0..rows).map(move |row| (column, row))) {
-                let (charge, expected) = (solver.charge(column, row), moved.charge(column, row));
-                assert!((charge - expected).abs() < 1e-12 * moved.state().energies[0], "{column} {row}");
             }
         }
     }

@@ -1,0 +1,97 @@
+//! Fields that are led on along their last change, and rows that are relaxed.
+
+use super::*;
+
+/// Where fields are led along their last change they have less energy, and energies and K x are those of where they are; on any
+/// number of threads to the same bits.
+#[test]
+fn going_ahead_moves_fields_to_less_energy() {
+    for columns in [3, 10] {
+        let mut scene = Scene::new(5_000);
+        let mut solvers = [1, 3].map(|threads| scene.solver(columns, Preconditioner::Multigrid, threads));
+        solvers.iter_mut().for_each(|solver| iterate(solver, 6));
+        for height in [0.0309, 0.0307, 0.0305] {
+            scene.move_plate(height);
+            for solver in &mut solvers {
+                scene.tell(solver);
+                solver.go_ahead();
+                iterate(solver, 3);
+            }
+        }
+        // Once more without a step, which is led on twice as far.
+        for height in [0.0303, 0.0301] {
+            scene.move_plate(height);
+            let standing = solvers.each_mut().map(|solver| {
+                scene.tell(solver);
+                let standing = solver.state().energies.clone();
+                solver.go_ahead();
+                standing
+            });
+            let [solver, other] = &mut solvers;
+            let (rows, ahead) = (scene.holders.len(), solver.state().energies.clone());
+            for column in 0..columns {
+                let own = column * (columns + 1);
+                assert!(ahead[own] < (1.0 - 1e-6) * standing[0][own], "{height} {column}");
+                assert!(bits(solver, column, rows) == bits(other, column, rows), "{height} {column}");
+            }
+            let mut moved = solver.clone();
+            moved.evaluate();
+            for (ahead, expected) in ahead.iter().zip(&moved.state().energies) {
+                assert!((ahead - expected).abs() < 1e-12 * moved.state().energies[0], "{ahead} {expected}");
+            }
+            for (column, row) in (0..columns).flat_map(|column| (0..rows).map(move |row| (column, row))) {
+                let (charge, expected) = (solver.charge(column, row), moved.charge(column, row));
+                assert!((charge - expected).abs() < 1e-12 * moved.state().energies[0], "{column} {row}");
+            }
+        }
+    }
+}
+
+fn of_four(solver: &CsrSolver) -> &Solver<4> {
+    match solver {
+        CsrSolver::Four(solver) => solver,
+        CsrSolver::Eight(_) => panic!("more than four columns"),
+    }
+}
+
+/// Of up to four columns, row by row.
+fn fields(solver: &CsrSolver) -> Vec<[f64; 4]> {
+    of_four(solver).groups[0].x.clone()
+}
+
+/// What rows were relaxed by before a step belongs to the change that fields are led on by, and its charges are those of it.
+#[test]
+fn the_last_change_is_all_that_fields_changed_by() {
+    let mut scene = Scene::new(20_000);
+    let mut solver = scene.solver(3, Preconditioner::Multigrid, 1);
+    iterate(&mut solver, 6);
+    for height in [0.0309, 0.0307] {
+        scene.move_plate(height);
+        scene.tell(&mut solver);
+        solver.go_ahead();
+        iterate(&mut solver, 1);
+    }
+    let (before, was_fixed) = (fields(&solver), of_four(&solver).rows.fixed().to_vec());
+    // A frame without a step, and one with.
+    for height in [0.0305, 0.0303] {
+        scene.move_plate(height);
+        scene.tell(&mut solver);
+        solver.go_ahead();
+    }
+    let relaxed = of_four(&solver).increments[0].relaxed.len();
+    iterate(&mut solver, 1);
+    let (solver, now) = (of_four(&solver), fields(&solver));
+    let (increment, rows) = (&solver.increments[0], &solver.rows);
+    let free: Vec<usize> = (0..rows.len()).filter(|&row| !was_fixed[row] && !rows.fixed()[row]).collect();
+    assert!(relaxed > 20, "{relaxed}");
+    for &row in &free {
+        for lane in 0..3 {
+            let (change, expected) = (increment.fields[row][lane], now[row][lane] - before[row][lane]);
+            assert!((change - expected).abs() < 1e-12, "{row} {lane}: {change} {expected}");
+        }
+        let (charge, expected) = (increment.charges[row], rows.product(row, &increment.fields, 0));
+        for lane in 0..3 {
+            assert!((charge[lane] - expected[lane]).abs() < 1e-12, "{row} {lane}: {charge:?} {expected:?}");
+        }
+    }
+}
