@@ -28,11 +28,106 @@ pub(super) struct Sums<const L: usize> {
     /// Σ (Kx)² over free and fixed rows.
     pub(super) residual: [f64; L],
     pub(super) charge: [f64; L],
+    /// Of the change that is followed.
+    pub(super) of_change: ChangeProducts<L>,
+}
+
+/// DᵀKX and DᵀKD of a change D of the fields.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChangeProducts<const L: usize> {
+    pub(super) with_fields: [[f64; L]; L],
+    pub(super) own: [[f64; L]; L],
+}
+
+impl<const L: usize> Default for ChangeProducts<L> {
+    fn default() -> Self {
+        Self { with_fields: [[0.0; L]; L], own: [[0.0; L]; L] }
+    }
+}
+
+impl<const L: usize> ChangeProducts<L> {
+    /// Takes in one row of D, K D and K X.
+    #[inline(always)]
+    pub(super) fn add_row(&mut self, d: &[f64; L], q: &[f64; L], kx: &[f64; L]) {
+        add_products(&mut self.with_fields, d, kx);
+        add_products(&mut self.own, d, q);
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.with_fields.iter_mut().zip(&other.with_fields).for_each(|(sum, other)| add(sum, other));
+        self.own.iter_mut().zip(&other.own).for_each(|(sum, other)| add(sum, other));
+    }
+}
+
+/// The last change of the fields, and how a step takes it along.
+pub(super) struct Change<'a, const L: usize> {
+    /// d, or nothing where fields are not led on and steps not followed.
+    pub(super) fields: &'a mut [[f64; L]],
+    /// q = K d, or nothing where steps are not followed.
+    pub(super) charges: &'a mut [[f64; L]],
+    /// How far fields are led along it.
+    pub(super) lead: [f64; L],
+    /// What of it the next change has beside all that fields move by.
+    pub(super) rest: [f64; L],
+}
+
+impl<const L: usize> Change<'_, L> {
+    /// Fields stand, and no step is followed.
+    pub(super) fn none() -> Self {
+        Change { fields: &mut [], charges: &mut [], lead: [0.0; L], rest: [0.0; L] }
+    }
+
+    fn follows(&self) -> bool {
+        !self.charges.is_empty()
+    }
+
+    /// Cuts it into slabs of a number of rows.
+    fn cut(&mut self, size: usize) -> impl Iterator<Item = Change<'_, L>> {
+        let (lead, rest) = (self.lead, self.rest);
+        let vectors = slabs(self.fields, size).zip(slabs(self.charges, size));
+        vectors.map(move |(fields, charges)| Change { fields, charges, lead, rest })
+    }
+
+    /// Before K x of some rows is computed.
+    #[inline(always)]
+    fn take_charges(&mut self, rows: Range<usize>, kx: &[[f64; L]]) {
+        if self.follows() {
+            for (q, kx) in self.charges[rows].iter_mut().zip(kx) {
+                (0..L).for_each(|lane| q[lane] = self.rest[lane] * q[lane] - kx[lane]);
+            }
+        }
+    }
+
+    /// And after.
+    #[inline(always)]
+    fn give_charges(&mut self, rows: Range<usize>, kx: &[[f64; L]]) -> ChangeProducts<L> {
+        let mut products = ChangeProducts::default();
+        if self.follows() {
+            let of_change = self.fields[rows.clone()].iter().zip(&mut self.charges[rows]);
+            for ((d, q), kx) in of_change.zip(kx) {
+                add(q, kx);
+                products.add_row(d, q, kx);
+            }
+        }
+        products
+    }
+}
+
+/// Pieces of some size, and nothing, again and again, once all are given.
+fn slabs<T>(mut of: &mut [T], size: usize) -> impl Iterator<Item = &mut [T]> {
+    std::iter::repeat_with(move || {
+        let size = size.min(of.len());
+        let (slab, rest) = std::mem::take(&mut of).split_at_mut(size);
+        of = rest;
+        slab
+    })
 }
 
 impl<const L: usize> Default for Sums<L> {
     fn default() -> Self {
-        Self { energies: [[0.0; L]; L], along: [0.0; L], residual: [0.0; L], charge: [0.0; L] }
+        let zeros = [0.0; L];
+        let of_change = ChangeProducts::default();
+        Self { energies: [zeros; L], along: zeros, residual: zeros, charge: zeros, of_change }
     }
 }
 
@@ -63,6 +158,7 @@ impl<const L: usize> Sums<L> {
         add(&mut self.along, &other.along);
         add(&mut self.residual, &other.residual);
         add(&mut self.charge, &other.charge);
+        self.of_change.add(&other.of_change);
     }
 }
 
@@ -96,18 +192,20 @@ impl<const L: usize> Columns<L> {
 
     /// K x everywhere, and the sums over it.
     pub(super) fn evaluate(&mut self, rows: &Rows, workers: &Workers) -> Sums<L> {
-        self.evaluate_strips(rows, workers, |_, _| true);
+        self.evaluate_strips(rows, &mut Change::none(), workers, |_, _| true);
         self.evaluate_objects(rows);
         self.total(rows)
     }
 
-    /// p = a z + b p, x += p, and then as [`Columns::evaluate`], in one walk: a strip is evaluated as soon as all that it
-    /// takes has moved. Each thread walks along a slab of rows; strips that take from two slabs come last.
+    /// p = a z + b p, x += p and what fields are led on by, and then as [`Columns::evaluate`], in one walk: a strip is evaluated as soon as all that it
+    /// takes has moved, and the change of the fields with it. Each thread walks along a slab of rows; strips that take from two
+    /// slabs come last.
     pub(super) fn step<Z: Copy + Into<f64> + Sync>(
         &mut self,
         rows: &Rows,
         z: &[[Z; L]],
         along: &Along<L>,
+        mut change: Change<'_, L>,
         workers: &Workers,
     ) -> Sums<L> {
         let size = slab(rows, workers);
@@ -116,15 +214,15 @@ impl<const L: usize> Columns<L> {
         let objects = &*objects;
         let fields = x.chunks_mut(size).zip(p.chunks_mut(size)).zip(z.chunks(size));
         let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
-        let tasks = fields.zip(charges).zip((0..).step_by(size));
-        workers.for_each(tasks, |((((x, p), z), (kx, sums)), first)| {
+        let tasks = fields.zip(charges).zip(change.cut(size)).zip((0..).step_by(size));
+        workers.for_each(tasks, |(((((x, p), z), (kx, sums)), change), first)| {
             vectorised(
                 #[inline(always)]
-                || walk(rows, along, Slab { first, x, p, z, objects, kx, sums }),
+                || walk(rows, along, Slab { first, x, p, z, objects, kx, sums, change }),
             );
         });
         if size < rows.len() {
-            self.evaluate_strips(rows, workers, |reach, slab| {
+            self.evaluate_strips(rows, &mut change, workers, |reach, slab| {
                 reach.start < slab.start || reach.end > slab.end
             });
         }
@@ -136,6 +234,7 @@ impl<const L: usize> Columns<L> {
     fn evaluate_strips(
         &mut self,
         rows: &Rows,
+        change: &mut Change<'_, L>,
         workers: &Workers,
         choose: impl Fn(&Range<usize>, &Range<usize>) -> bool + Sync,
     ) {
@@ -144,15 +243,19 @@ impl<const L: usize> Columns<L> {
         let (x, objects) = x.split_at(rows.len());
         let p = p.as_slice();
         let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
-        workers.for_each(charges.zip((0..).step_by(size)), |((kx, sums), first)| {
+        let tasks = charges.zip(change.cut(size)).zip((0..).step_by(size));
+        workers.for_each(tasks, |(((kx, sums), mut change), first)| {
             let slab = first..first + kx.len();
             vectorised(
                 #[inline(always)]
                 || {
                     for ((kx, sums), from) in kx.chunks_mut(STRIP).zip(sums).zip((first..).step_by(STRIP)) {
                         if choose(&rows.reach(from / STRIP), &slab) {
+                            let here = from - first..from - first + kx.len();
+                            change.take_charges(here.clone(), kx);
                             evaluate_strip(rows, x, 0, objects, kx, from);
                             *sums = sum_strip(rows, &x[from..], &p[from..], kx, from);
+                            sums.of_change = change.give_charges(here, kx);
                         }
                     }
                 },
@@ -222,26 +325,9 @@ impl<const L: usize> Columns<L> {
         self.add_energies_of_objects(rows, 1.0);
     }
 
-    /// x += c d and K x += c q of each column, all pairs of which have the products xᵀK d and dᵀq; the energies with it.
-    pub(super) fn lead(
-        &mut self,
-        rows: &Rows,
-        [d, q]: [&[[f64; L]]; 2],
-        lengths: &[f64; L],
-        [with_fields, own]: [&[[f64; L]; L]; 2],
-    ) {
-        let move_along = |to: &mut [[f64; L]], along: &[[f64; L]]| {
-            for (to, along) in to.iter_mut().zip(along) {
-                (0..L).for_each(|lane| to[lane] += lengths[lane] * along[lane]);
-            }
-        };
-        move_along(&mut self.x, d);
-        move_along(&mut self.kx, q);
-        self.evaluate_objects(rows);
-        for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
-            let linear = lengths[t] * with_fields[s][t] + lengths[s] * with_fields[t][s];
-            self.energies[s][t] += linear + lengths[s] * lengths[t] * own[s][t];
-        }
+    /// Adds to the energies.
+    pub(super) fn add_energies(&mut self, more: &[[f64; L]; L]) {
+        self.energies.iter_mut().zip(more).for_each(|(energies, more)| add(energies, more));
     }
 
     /// The energy of each column.
@@ -249,25 +335,16 @@ impl<const L: usize> Columns<L> {
         std::array::from_fn(|lane| self.energies[lane][lane])
     }
 
-    /// Whether relaxing a free row would take more than that from the energy of any column.
+    /// A free row takes another potential. What that changes at objects is to be evaluated.
     #[inline(always)]
-    pub(super) fn has_more_to_shed(&self, rows: &Rows, row: usize, allowed: &[f64; L]) -> bool {
-        let diagonal = rows.diagonal()[row];
-        let over = self.kx[row].iter().zip(allowed).map(|(kx, allowed)| kx * kx > allowed * diagonal);
-        over.fold(false, |any, over| any | over)
-    }
-
-    /// Relaxes a free row. What it changes at objects is to be evaluated.
-    #[inline(always)]
-    pub(super) fn relax(&mut self, rows: &Rows, row: usize) {
+    pub(super) fn raise(&mut self, rows: &Rows, row: usize, by: &[f64; L]) {
         let Self { x, kx, energies, .. } = self;
-        let (residual, inverse) = (kx[row].map(|kx| -kx), rows.diagonal()[row].recip());
-        let by = residual.map(|residual| residual * inverse);
-        for (energies, &residual) in energies.iter_mut().zip(&residual) {
-            (0..L).for_each(|lane| energies[lane] -= residual * by[lane]);
-        }
-        add(&mut x[row], &by);
-        rows.add_charges(row, &by, kx);
+        let (charges, diagonal) = (&kx[row], rows.diagonal()[row]);
+        let changed: [f64; L] = std::array::from_fn(|lane| charges[lane] + diagonal * by[lane]);
+        add_products(energies, by, &changed);
+        add_products(energies, charges, by);
+        add(&mut x[row], by);
+        rows.add_charges(row, by, kx);
     }
 
     /// Adds `sign` times the part of the energies that is of rows of objects.
@@ -344,18 +421,46 @@ impl<const L: usize> Along<L> {
         Self { a, b, a_mask: mask(a), b_mask: mask(b) }
     }
 
+    /// Moves some rows of a slab.
     #[inline(always)]
-    fn advance<Z: Copy + Into<f64>>(&self, x: &mut [[f64; L]], p: &mut [[f32; L]], z: &[[Z; L]]) {
-        let Self { a, b, a_mask, b_mask } = self;
-        for ((x, p), z) in x.iter_mut().zip(p).zip(z) {
-            for lane in 0..L {
-                let z = f64::from_bits(z[lane].into().to_bits() & a_mask[lane]);
-                let before = f64::from_bits(f64::from(p[lane]).to_bits() & b_mask[lane]);
-                let step = a[lane] * z + b[lane] * before;
-                x[lane] += step;
-                p[lane] = step as f32;
+    fn advance<Z: Copy + Into<f64>>(
+        &self,
+        rows: Range<usize>,
+        x: &mut [[f64; L]],
+        p: &mut [[f32; L]],
+        z: &[[Z; L]],
+        change: &mut Change<'_, L>,
+    ) {
+        let fields = x[rows.clone()].iter_mut().zip(&mut p[rows.clone()]).zip(&z[rows.clone()]);
+        if change.fields.is_empty() {
+            for ((x, p), z) in fields {
+                add(x, &self.step(p, z));
             }
+            return;
         }
+        let (follows, Change { fields: d, lead, rest, .. }) = (change.follows(), change);
+        for (((x, p), z), d) in fields.zip(&mut d[rows]) {
+            let mut by = self.step(p, z);
+            for lane in 0..L {
+                by[lane] += lead[lane] * d[lane];
+                d[lane] = if follows { rest[lane] * d[lane] + by[lane] } else { d[lane] };
+            }
+            add(x, &by);
+        }
+    }
+
+    /// The step of one row.
+    #[inline(always)]
+    fn step<Z: Copy + Into<f64>>(&self, p: &mut [f32; L], z: &[Z; L]) -> [f64; L] {
+        let Self { a, b, a_mask, b_mask } = self;
+        let mut step = [0.0; L];
+        for lane in 0..L {
+            let z = f64::from_bits(z[lane].into().to_bits() & a_mask[lane]);
+            let before = f64::from_bits(f64::from(p[lane]).to_bits() & b_mask[lane]);
+            step[lane] = a[lane] * z + b[lane] * before;
+            p[lane] = step[lane] as f32;
+        }
+        step
     }
 }
 
@@ -368,22 +473,25 @@ struct Slab<'a, const L: usize, Z> {
     objects: &'a [[f64; L]],
     kx: &'a mut [[f64; L]],
     sums: &'a mut [Sums<L>],
+    change: Change<'a, L>,
 }
 
 /// Moves all rows and evaluates the strips that take nothing from elsewhere.
 #[inline(always)]
 fn walk<const L: usize, Z: Copy + Into<f64>>(rows: &Rows, along: &Along<L>, slab: Slab<'_, L, Z>) {
-    let Slab { first, x, p, z, objects, kx, sums } = slab;
+    let Slab { first, x, p, z, objects, kx, sums, mut change } = slab;
     let mut moved = 0;
     for (strip, (kx, sums)) in kx.chunks_mut(STRIP).zip(sums).enumerate() {
         let at = strip * STRIP;
         let reach = rows.reach((first + at) / STRIP);
         let next = (reach.end - first).clamp(moved, x.len());
-        along.advance(&mut x[moved..next], &mut p[moved..next], &z[moved..next]);
+        along.advance(moved..next, x, p, z, &mut change);
         moved = next;
         if reach.start >= first && reach.end <= first + x.len() {
+            change.take_charges(at..at + kx.len(), kx);
             evaluate_strip(rows, x, first, objects, kx, first + at);
             *sums = sum_strip(rows, &x[at..], &p[at..], kx, first + at);
+            sums.of_change = change.give_charges(at..at + kx.len(), kx);
         }
     }
 }

@@ -1,13 +1,12 @@
 //! What fields will change by, as far as the last change tells, as on lattices (`solver::lattice::increment`): with d, the
 //! change from one step to the next, and q = K d, the energy of x + c d is least at c = rᵀd / dᵀq, column by column (Fischer,
-//! Comput. Methods Appl. Mech. Engrg. 163, 1998, with one vector). Products are summed over all rows and the fields moved, which
-//! costs little beside half a cycle.
+//! Comput. Methods Appl. Mech. Engrg. 163, 1998, with one vector). Nothing is moved for that: the products follow the rows that
+//! change, the way down of a cycle starts from r - c q, and fields follow when they take a step.
 
-use super::columns::{Columns, add, add_products};
+use super::columns::{Change, ChangeProducts, Columns, add};
 use super::relaxation::Relaxed;
-use super::rows::{Rows, STRIP};
+use super::rows::Rows;
 use crate::solver::worth::{self, Worth};
-use crate::workers::{Workers, vectorised};
 
 /// The last change of a group of columns.
 #[derive(Clone, Debug)]
@@ -15,19 +14,33 @@ pub(super) struct Increment<const L: usize> {
     /// d, zero at rows that are fixed, and q.
     pub(super) fields: Vec<[f64; L]>,
     pub(super) charges: Vec<[f64; L]>,
+    products: ChangeProducts<L>,
     /// Whether there was a change.
     is_known: bool,
-    /// How far the fields were led along it since the last step, and whether the solve under way has taken one.
-    lead: [f64; L],
+    /// How far the fields are ahead along it, and how far they were led before the first step of the solve under way.
+    ahead: [f64; L],
+    led: [f64; L],
+    /// Whether the solve under way has taken a step.
     has_moved: bool,
-    /// By how much going ahead has lowered the energies in the solve under way, what it gains, and whether steps are followed.
-    gained: f64,
     worth: Worth,
     follows: bool,
     /// What rows were relaxed by since the last step: a part of the change that ends with the next one.
     pub(super) relaxed: Relaxed<L>,
-    /// xᵀK d and dᵀq of every strip, all pairs of columns.
-    products: Vec<[[[f64; L]; L]; 2]>,
+}
+
+/// q, and how far fields are ahead along d.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ahead<'a, const L: usize> {
+    pub(super) charges: &'a [[f64; L]],
+    pub(super) lengths: [f64; L],
+}
+
+impl<const L: usize> Ahead<'_, L> {
+    /// By how much the charges of a row are ahead.
+    #[inline(always)]
+    pub(super) fn charges_of(&self, row: usize) -> [f64; L] {
+        times(&self.lengths, &self.charges[row])
+    }
 }
 
 impl<const L: usize> Increment<L> {
@@ -36,14 +49,14 @@ impl<const L: usize> Increment<L> {
         Self {
             fields: vec![[0.0; L]; nodes],
             charges: vec![[0.0; L]; nodes],
+            products: ChangeProducts::default(),
             is_known: false,
-            lead: [0.0; L],
+            ahead: [0.0; L],
+            led: [0.0; L],
             has_moved: false,
-            gained: 0.0,
             worth: Worth::default(),
             follows: false,
             relaxed: Relaxed::new(nodes),
-            products: vec![[[[0.0; L]; L]; 2]; nodes.div_ceil(STRIP)],
         }
     }
 
@@ -51,125 +64,141 @@ impl<const L: usize> Increment<L> {
     pub(super) fn forget(&mut self) {
         self.fields.fill([0.0; L]);
         self.charges.fill([0.0; L]);
-        self.lead = [0.0; L];
+        self.products = ChangeProducts::default();
+        (self.ahead, self.led) = ([0.0; L], [0.0; L]);
         self.is_known = false;
         self.relaxed.clear();
     }
 
-    /// The potential of a row was set. Returns whether that changes q at its neighbours.
-    pub(super) fn hold(&mut self, row: usize, lane: usize) -> bool {
-        self.fields.get_mut(row).is_some_and(|fields| std::mem::take(&mut fields[lane]) != 0.0)
+    /// Where fields are ahead, if they are.
+    pub(super) fn ahead(&self) -> Option<Ahead<'_, L>> {
+        (self.ahead != [0.0; L]).then_some(Ahead { charges: &self.charges, lengths: self.ahead })
     }
 
-    /// Recomputes q at some rows.
-    pub(super) fn refresh(&mut self, rows: &Rows, some: &[u32]) {
+    /// By how much the potentials of a row are ahead.
+    pub(super) fn lead_of(&self, row: usize) -> [f64; L] {
+        self.fields.get(row).map_or([0.0; L], |d| times(&self.ahead, d))
+    }
+
+    /// The potential of a row was set that has such charges. Returns whether that changes q at its neighbours.
+    pub(super) fn hold(&mut self, row: usize, lane: usize, kx: &[f64; L]) -> bool {
+        let Some(fields) = self.fields.get_mut(row) else { return false };
+        let mut gone = [0.0; L];
+        gone[lane] = -std::mem::take(&mut fields[lane]);
+        if gone[lane] == 0.0 {
+            return false;
+        }
+        self.products.add_row(&gone, &self.charges[row], kx);
+        true
+    }
+
+    /// Before K x of some rows is computed anew.
+    pub(super) fn leave(&mut self, some: &[u32], kx: &[[f64; L]]) {
         if self.is_known {
-            for &row in some {
-                self.charges[row as usize] = rows.product(row as usize, &self.fields, 0);
+            for row in some.iter().map(|&row| row as usize) {
+                self.products.add_row(&self.fields[row].map(|d| -d), &self.charges[row], &kx[row]);
             }
         }
     }
 
-    /// Begins a solve: leads the fields as far along the last change as lowers their energies most. Returns whether they moved.
-    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>, workers: &Workers) -> bool {
-        (self.has_moved, self.gained) = (false, 0.0);
-        if !self.is_known {
-            return false;
+    /// And after: recomputes q there.
+    pub(super) fn refresh(&mut self, rows: &Rows, some: &[u32], kx: &[[f64; L]]) {
+        if self.is_known {
+            for row in some.iter().map(|&row| row as usize) {
+                self.charges[row] = rows.product(row, &self.fields, 0);
+                self.products.add_row(&self.fields[row], &self.charges[row], &kx[row]);
+            }
         }
-        let [with_fields, own] = self.sum(columns, workers);
-        if !with_fields.iter().chain(&own).flatten().all(|product| product.is_finite()) {
-            self.forget();
-            return false;
-        }
-        let (mut lengths, before) = ([0.0; L], trace(columns.energies()));
-        for (lane, length) in lengths.iter_mut().enumerate() {
-            let (slope, curvature) = (-with_fields[lane][lane], own[lane][lane]);
-            let energy = columns.energies()[lane][lane];
-            *length = worth::length(slope, curvature, energy, self.lead[lane]);
-        }
-        if lengths == [0.0; L] {
-            return false;
-        }
-        add(&mut self.lead, &lengths);
-        columns.lead(rows, [&self.fields, &self.charges], &lengths, [&with_fields, &own]);
-        self.gained = before - trace(columns.energies());
-        true
     }
 
-    /// Then takes from the rows that changed what energy can be taken there. Returns whether any of them moved.
-    pub(super) fn relax(&mut self, rows: &Rows, columns: &mut Columns<L>) -> bool {
-        self.relaxed.relax(rows, columns)
+    /// Begins a solve: leads fields as far along the last change as lowers their energies most, and relaxes the rows that
+    /// changed as they will be there.
+    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>) {
+        self.has_moved = false;
+        self.lead(columns.energies());
+        let Self { relaxed, products, charges, ahead, .. } = self;
+        let ahead = Ahead { charges, lengths: *ahead };
+        if relaxed.relax(rows, columns, ahead, &mut products.with_fields) {
+            self.lead(columns.energies());
+        }
+    }
+
+    /// Finds how far fields of such energies are best led.
+    fn lead(&mut self, energies: &[[f64; L]; L]) {
+        self.ahead = [0.0; L];
+        let ChangeProducts { with_fields, own } = &self.products;
+        let is_finite = with_fields.iter().chain(own).flatten().all(|product| product.is_finite());
+        if self.is_known && is_finite {
+            for (lane, ahead) in self.ahead.iter_mut().enumerate() {
+                let (slope, curvature) = (-with_fields[lane][lane], own[lane][lane]);
+                *ahead = worth::length(slope, curvature, energies[lane][lane], 0.0);
+            }
+        }
+    }
+
+    /// What being ahead changes the energies by.
+    pub(super) fn gain(&self) -> [[f64; L]; L] {
+        let ChangeProducts { with_fields, own } = &self.products;
+        let ahead = &self.ahead;
+        let of_pair = |s: usize, t: usize| {
+            let linear = ahead[s] * with_fields[s][t] + ahead[t] * with_fields[t][s];
+            linear + ahead[s] * ahead[t] * own[s][t]
+        };
+        std::array::from_fn(|s| std::array::from_fn(|t| of_pair(s, t)))
     }
 
     /// Learns what going ahead is worth from what a cycle tells that there is left to gain, of all pairs of columns.
     pub(super) fn note_gains(&mut self, left: &[[f64; L]; L]) {
         if self.is_known && !self.has_moved {
-            self.worth.learn(self.gained, trace(left));
+            self.worth.learn(-trace(&self.gain()), trace(left));
         }
     }
 
-    /// XᵀKD and DᵀKD.
-    fn sum(&mut self, columns: &Columns<L>, workers: &Workers) -> [[[f64; L]; L]; 2] {
-        let Self { fields, charges, products, .. } = self;
-        let (fields, charges, kx) = (&**fields, &**charges, &*columns.kx);
-        let size = products.len().div_ceil(workers.threads()).max(1);
-        workers.for_each(products.chunks_mut(size).zip((0..).step_by(size * STRIP)), |(strips, first)| {
-            vectorised(
-                #[inline(always)]
-                || {
-                    for (products, from) in strips.iter_mut().zip((first..).step_by(STRIP)) {
-                        *products = [[[0.0; L]; L]; 2];
-                        let strip = from..(from + STRIP).min(fields.len());
-                        let of_change = fields[strip.clone()].iter().zip(&charges[strip.clone()]);
-                        for (kx, (d, q)) in kx[strip].iter().zip(of_change) {
-                            add_products(&mut products[0], kx, d);
-                            add_products(&mut products[1], d, q);
-                        }
-                    }
-                },
-            );
-        });
-        let mut sums = [[[0.0; L]; L]; 2];
-        for strip in &*products {
-            for (sum, part) in sums.iter_mut().flatten().flatten().zip(strip.iter().flatten().flatten()) {
-                *sum += part;
+    /// Moves fields to where they are ahead; their charges too if there are any to move.
+    pub(super) fn catch_up(&mut self, x: &mut [[f64; L]], kx: &mut [[f64; L]]) {
+        if self.ahead == [0.0; L] {
+            return;
+        }
+        let ahead = std::mem::replace(&mut self.ahead, [0.0; L]);
+        add(&mut self.led, &ahead);
+        let lead = |to: &mut [[f64; L]], along: &[[f64; L]]| {
+            for (to, along) in to.iter_mut().zip(along) {
+                (0..L).for_each(|lane| to[lane] += ahead[lane] * along[lane]);
             }
-        }
-        sums
+        };
+        lead(x, &self.fields);
+        lead(kx, &self.charges);
     }
 
-    /// Before a step: what is kept of the change, less the fields and K x as they are.
-    pub(super) fn start_step(&mut self, rows: &Rows, columns: &Columns<L>) {
+    /// Before a step.
+    pub(super) fn start_step(&mut self) -> Change<'_, L> {
         let is_first = !std::mem::replace(&mut self.has_moved, true);
         if is_first {
             self.follows = self.worth.is_to_follow();
         }
-        let kept = if is_first { self.lead } else { [1.0; L] };
-        self.lead = [0.0; L];
+        self.is_known = false;
+        let lead = std::mem::replace(&mut self.ahead, [0.0; L]);
+        let rest = if is_first { std::mem::replace(&mut self.led, [0.0; L]) } else { [1.0; L] };
         if !self.follows {
-            self.is_known = false;
             self.relaxed.clear();
-            return;
         }
-        let take = |of: &mut [[f64; L]], from: &[[f64; L]]| {
-            for (of, from) in of.iter_mut().zip(from) {
-                (0..L).for_each(|lane| of[lane] = kept[lane] * of[lane] - from[lane]);
-            }
-        };
-        take(&mut self.fields, &columns.x);
-        take(&mut self.charges, &columns.kx);
-        self.relaxed.hand_over(rows, &mut self.fields, &mut self.charges);
+        let leads = lead != [0.0; L];
+        Change {
+            fields: if self.follows || leads { &mut self.fields } else { &mut [] },
+            charges: if self.follows { &mut self.charges } else { &mut [] },
+            lead,
+            rest,
+        }
     }
 
-    /// After it: and as they have become.
-    pub(super) fn end_step(&mut self, columns: &Columns<L>) {
+    /// After it: takes its products with fields that have such charges.
+    pub(super) fn end_step(&mut self, rows: &Rows, products: &ChangeProducts<L>, kx: &[[f64; L]]) {
         if !self.follows {
             return;
         }
-        let change =
-            |of: &mut [[f64; L]], to: &[[f64; L]]| of.iter_mut().zip(to).for_each(|(of, to)| add(of, to));
-        change(&mut self.fields, &columns.x);
-        change(&mut self.charges, &columns.kx);
+        let Self { fields, charges, relaxed, .. } = self;
+        self.products = *products;
+        relaxed.hand_over(rows, [fields, charges], kx, &mut self.products);
         self.is_known = true;
     }
 }
@@ -177,4 +206,9 @@ impl<const L: usize> Increment<L> {
 /// The sum over all columns of what each has of its own.
 fn trace<const L: usize>(of: &[[f64; L]; L]) -> f64 {
     (0..L).map(|lane| of[lane][lane]).sum()
+}
+
+#[inline(always)]
+fn times<const L: usize>(a: &[f64; L], b: &[f64; L]) -> [f64; L] {
+    std::array::from_fn(|lane| a[lane] * b[lane])
 }

@@ -27,7 +27,7 @@ use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
 use columns::{Along, Columns, Sums, add_products};
-use increment::Increment;
+use increment::{Ahead, Increment};
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
 
@@ -252,12 +252,15 @@ impl<const L: usize> Solver<L> {
     }
 
     fn potential(&self, column: usize, row: usize) -> f64 {
-        self.groups[column / L].x[self.rows.row_of(row)][column % L]
+        let (group, row, lane) = (column / L, self.rows.row_of(row), column % L);
+        self.groups[group].x[row][lane] + self.increments[group].lead_of(row)[lane]
     }
 
     #[cfg(test)]
     fn charge(&self, column: usize, row: usize) -> f64 {
-        self.groups[column / L].kx[self.rows.row_of(row)][column % L]
+        let (group, row, lane) = (column / L, self.rows.row_of(row), column % L);
+        let ahead = self.increments[group].ahead().filter(|_| row < self.rows.len());
+        charge(&self.groups[group].kx, ahead, row, lane)
     }
 
     fn set_potential(&mut self, column: usize, row: usize, value: f64) {
@@ -265,7 +268,7 @@ impl<const L: usize> Solver<L> {
         let group = &mut self.groups[column / L];
         let before = group.x[row][column % L];
         group.set_potential(row, column % L, value);
-        let changes_charges = self.increments[column / L].hold(row, column % L);
+        let changes_charges = self.increments[column / L].hold(row, column % L, &group.kx[row]);
         if (before.to_bits() != value.to_bits() || changes_charges) && row < self.rows.len() {
             // What K x is there and at all neighbours.
             self.stale.push(row as u32);
@@ -290,8 +293,11 @@ impl<const L: usize> Solver<L> {
             let Self { rows, groups, increments, inverse, stale, workers, .. } = self;
             let charges = || {
                 stale.rows.sort_unstable();
-                groups.iter_mut().for_each(|group| group.evaluate_rows(rows, &stale.rows));
-                increments.iter_mut().for_each(|increment| increment.refresh(rows, &stale.rows));
+                for (group, increment) in groups.iter_mut().zip(increments) {
+                    increment.leave(&stale.rows, &group.kx);
+                    group.evaluate_rows(rows, &stale.rows);
+                    increment.refresh(rows, &stale.rows, &group.kx);
+                }
             };
             workers.both(|| inverse.refresh(rows), charges);
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
@@ -301,7 +307,10 @@ impl<const L: usize> Solver<L> {
     }
 
     fn evaluate(&mut self) {
-        self.increments.iter_mut().for_each(Increment::forget);
+        for (increment, group) in self.increments.iter_mut().zip(&mut self.groups) {
+            increment.catch_up(&mut group.x, &mut []);
+            increment.forget();
+        }
         for index in 0..self.groups.len() {
             let sums = self.groups[index].evaluate(&self.rows, &self.workers);
             self.record(index, &sums);
@@ -311,7 +320,7 @@ impl<const L: usize> Solver<L> {
 
     fn add_cross_energies(&mut self) {
         for (a, b) in (0..self.groups.len()).flat_map(|b| (0..b).map(move |a| (a, b))) {
-            let energies = cross_energies(&self.groups[a], &self.groups[b]);
+            let energies = cross_energies([a, b].map(|group| (&self.groups[group], &self.increments[group])));
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 self.set_energy(a * L + s, b * L + t, energies[s][t]);
                 self.set_energy(b * L + t, a * L + s, energies[s][t]);
@@ -330,11 +339,12 @@ impl<const L: usize> Solver<L> {
         self.take_energies(group);
     }
 
-    /// Takes over the energies of one group.
+    /// Takes over the energies of one group, where its fields are ahead.
     fn take_energies(&mut self, group: usize) {
-        let energies = *self.groups[group].energies();
+        let (energies, gain) = (*self.groups[group].energies(), self.increments[group].gain());
         for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
-            self.set_energy(group * L + s, group * L + t, 0.5 * (energies[s][t] + energies[t][s]));
+            let energy = 0.5 * (energies[s][t] + energies[t][s]) + gain[s][t];
+            self.set_energy(group * L + s, group * L + t, energy);
         }
     }
 
@@ -345,22 +355,30 @@ impl<const L: usize> Solver<L> {
     }
 
     fn go_ahead(&mut self) {
-        let mut has_moved = false;
-        for (index, increment) in self.increments.iter_mut().enumerate() {
-            has_moved |= increment.go_ahead(&self.rows, &mut self.groups[index], &self.workers);
-            has_moved |= increment.relax(&self.rows, &mut self.groups[index]);
+        for (increment, group) in self.increments.iter_mut().zip(&mut self.groups) {
+            increment.go_ahead(&self.rows, group);
         }
-        if has_moved {
-            (0..self.groups.len()).for_each(|index| self.take_energies(index));
-            self.add_cross_energies();
+        (0..self.groups.len()).for_each(|index| self.take_energies(index));
+        self.add_cross_energies();
+    }
+
+    /// Moves fields to where they are ahead, for inverses that know of no such thing.
+    fn catch_up(&mut self) {
+        for (increment, group) in self.increments.iter_mut().zip(&mut self.groups) {
+            group.add_energies(&increment.gain());
+            increment.catch_up(&mut group.x, &mut group.kx);
+            group.evaluate_objects(&self.rows);
         }
     }
 
     fn descend(&mut self) {
+        if !self.inverse.is_multigrid() {
+            self.catch_up();
+        }
         for index in 0..self.groups.len() {
-            let kx = &self.groups[index].kx;
+            let r = (self.groups[index].kx.as_slice(), self.increments[index].ahead());
             let Told { gains, of_finest, residual } =
-                self.inverse.descend(index, &self.rows, kx, &self.workers);
+                self.inverse.descend(index, &self.rows, r, &self.workers);
             self.increments[index].note_gains(&gains);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 let (row, column) = (index * L + s, index * L + t);
@@ -385,8 +403,11 @@ impl<const L: usize> Solver<L> {
     }
 
     fn add_gains_of_islands(&mut self) {
-        let Self { columns, rows, groups, islands, gains, .. } = self;
-        let r = |node: u32, column: usize| -groups[column / L].kx[rows.row_of(node as usize)][column % L];
+        let Self { columns, rows, groups, increments, islands, gains, .. } = self;
+        let r = |node: u32, column: usize| {
+            let (group, row) = (column / L, rows.row_of(node as usize));
+            -charge(&groups[group].kx, increments[group].ahead(), row, column % L)
+        };
         let all: Vec<usize> = (0..*columns).collect();
         islands.add_gains(r, &all, *columns, gains);
         for t in 0..*columns {
@@ -398,9 +419,10 @@ impl<const L: usize> Solver<L> {
 
     fn precondition(&mut self) {
         for (index, group) in self.groups.iter().enumerate() {
-            self.inverse.ascend(index, &group.kx, &self.workers);
+            let r = (group.kx.as_slice(), self.increments[index].ahead());
+            self.inverse.ascend(index, r, &self.workers);
             if let Some(z) = self.inverse.approximate_mut(index) {
-                add_islands(&mut self.islands, &self.rows, &group.kx, z);
+                add_islands(&mut self.islands, &self.rows, r, z);
             }
         }
     }
@@ -420,13 +442,13 @@ impl<const L: usize> Solver<L> {
             let along = Along::new(lanes(a, index), lanes(b, index));
             let (group, rows, workers) = (&mut self.groups[index], &self.rows, &self.workers);
             let increment = &mut self.increments[index];
-            increment.start_step(rows, group);
+            let change = increment.start_step();
             let sums = match self.inverse.preconditioned(index) {
-                Preconditioned::Single(z) => group.step(rows, z, &along, workers),
-                Preconditioned::Double(z) => group.step(rows, z, &along, workers),
-                Preconditioned::Work(work) => group.step(rows, work.solution(), &along, workers),
+                Preconditioned::Single(z) => group.step(rows, z, &along, change, workers),
+                Preconditioned::Double(z) => group.step(rows, z, &along, change, workers),
+                Preconditioned::Work(work) => group.step(rows, work.solution(), &along, change, workers),
             };
-            increment.end_step(group);
+            increment.end_step(rows, &sums.of_change, &group.kx);
             self.record(index, &sums);
         }
         self.add_cross_energies();
@@ -447,20 +469,39 @@ fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
 fn add_islands<const L: usize>(
     islands: &mut Islands,
     rows: &Rows,
-    kx: &[[f64; L]],
+    (kx, ahead): (&[[f64; L]], Option<Ahead<'_, L>>),
     mut z: Approximate<'_, L>,
 ) {
     let row = |node: u32| rows.row_of(node as usize);
     (0..L).for_each(|lane| {
-        islands.correct(|node| -kx[row(node)][lane], |node, shift| z.raise(row(node), lane, shift));
+        islands.correct(
+            |node| -charge(kx, ahead, row(node), lane),
+            |node, shift| z.raise(row(node), lane, shift),
+        );
     });
 }
 
-/// XᵀKX between the columns of two groups.
-fn cross_energies<const L: usize>(a: &Columns<L>, b: &Columns<L>) -> [[f64; L]; L] {
+/// K x of a node, where fields are ahead.
+fn charge<const L: usize>(kx: &[[f64; L]], ahead: Option<Ahead<'_, L>>, row: usize, lane: usize) -> f64 {
+    kx[row][lane] + ahead.map_or(0.0, |of| of.charges_of(row)[lane])
+}
+
+/// XᵀKX between the columns of two groups, where their fields are ahead.
+fn cross_energies<const L: usize>(groups: [(&Columns<L>, &Increment<L>); 2]) -> [[f64; L]; L] {
+    let [(a, of_a), (b, of_b)] = groups;
     let mut energies = [[0.0; L]; L];
     for (x, kx) in a.x.iter().zip(&b.kx) {
         add_products(&mut energies, x, kx);
+    }
+    if of_a.ahead().is_some() || of_b.ahead().is_some() {
+        for row in 0..of_a.fields.len() {
+            // K is symmetric, and no object moves along a change.
+            let [lead_a, lead_b] = [of_a, of_b].map(|of| of.lead_of(row));
+            let charges_b = of_b.ahead().map_or([0.0; L], |of| of.charges_of(row));
+            add_products(&mut energies, &lead_a, &b.kx[row]);
+            add_products(&mut energies, &a.kx[row], &lead_b);
+            add_products(&mut energies, &lead_a, &charges_b);
+        }
     }
     energies
 }

@@ -4,7 +4,8 @@
 //! it is, it needs no step of all fields. A row that is relaxed pushes what it has too much on to its neighbours, so those of
 //! them that have too much then come next (after Southwell, Relaxation Methods in Engineering Science, Oxford 1940).
 
-use super::columns::{Columns, add};
+use super::columns::{ChangeProducts, Columns, add, add_products};
+use super::increment::Ahead;
 use super::rows::Rows;
 
 /// How many rows have a turn, for each that changed.
@@ -50,16 +51,29 @@ impl<const L: usize> Relaxed<L> {
         self.rows.clear();
     }
 
-    /// Relaxes free rows from those on that changed last. Returns whether any was.
-    pub(super) fn relax(&mut self, rows: &Rows, columns: &mut Columns<L>) -> bool {
+    /// Relaxes free rows from those on that changed last, as they are where fields are ahead. Follows the products of the
+    /// change that they are led on by with K x. Returns whether any row was relaxed.
+    pub(super) fn relax(
+        &mut self,
+        rows: &Rows,
+        columns: &mut Columns<L>,
+        ahead: Ahead<'_, L>,
+        with_fields: &mut [[f64; L]; L],
+    ) -> bool {
         let changed = rows.changed();
         if changed.is_empty() || FEW * changed.len() > rows.len() {
             return false;
         }
         let least = LEAST_GAIN / changed.len() as f64;
         let allowed = columns.own_energies().map(|energy| least * energy);
+        let residual = |columns: &Columns<L>, row: usize| -> [f64; L] {
+            let (kx, q) = (&columns.kx[row], &ahead.charges[row]);
+            std::array::from_fn(|lane| -(kx[lane] + ahead.lengths[lane] * q[lane]))
+        };
         let has_turn = |columns: &Columns<L>, row: usize| {
-            !rows.fixed()[row] && columns.has_more_to_shed(rows, row, &allowed)
+            let of_lanes = residual(columns, row).into_iter().zip(&allowed);
+            let diagonal = rows.diagonal()[row];
+            !rows.fixed()[row] && of_lanes.fold(false, |any, (r, allowed)| any | (r * r > allowed * diagonal))
         };
         let listed_before = self.rows.len();
         let mut has_moved = false;
@@ -75,7 +89,10 @@ impl<const L: usize> Relaxed<L> {
                 continue;
             }
             self.list(row, &columns.x[row]);
-            columns.relax(rows, row);
+            let inverse = rows.diagonal()[row].recip();
+            let by = residual(columns, row).map(|residual| residual * inverse);
+            columns.raise(rows, row, &by);
+            add_products(with_fields, &ahead.charges[row], &by);
             has_moved = true;
             for &other in rows.row(row).0 {
                 if self.queue.len() < most && !self.waits[other as usize] && has_turn(columns, other as usize)
@@ -113,14 +130,24 @@ impl<const L: usize> Relaxed<L> {
         }
     }
 
-    /// Adds to a change of the fields, and to its charges, what rows were relaxed by, and forgets them.
-    pub(super) fn hand_over(&mut self, rows: &Rows, fields: &mut [[f64; L]], charges: &mut [[f64; L]]) {
+    /// Adds to a change of the fields, to its charges and to its products, what rows were relaxed by, and forgets them.
+    pub(super) fn hand_over(
+        &mut self,
+        rows: &Rows,
+        [fields, charges]: [&mut [[f64; L]]; 2],
+        kx: &[[f64; L]],
+        products: &mut ChangeProducts<L>,
+    ) {
         for (row, by) in self.rows.drain(..) {
             let row = row as usize;
             if rows.fixed()[row] {
                 // A conductor holds it by now.
                 continue;
             }
+            let (q, diagonal) = (charges[row], rows.diagonal()[row]);
+            let changed: [f64; L] = std::array::from_fn(|lane| q[lane] + diagonal * by[lane]);
+            products.add_row(&by, &changed, &kx[row]);
+            add_products(&mut products.own, &q, &by);
             add(&mut fields[row], &by);
             rows.add_charges(row, &by, charges);
         }

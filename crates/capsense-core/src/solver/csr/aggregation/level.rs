@@ -4,6 +4,7 @@
 //! the others. So a symmetric pair of sweeps with the residual between them reads every weight twice.
 
 use super::super::columns::add as add_double;
+use super::super::increment::Ahead;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
 use super::transfer::Transfer;
@@ -102,6 +103,21 @@ impl<const L: usize> RightHandSide<L> for Own {
 
 /// -K x of the fields, which is zero on fixed rows only after it was multiplied with the inverse of their diagonal.
 pub(super) struct Residual<'a, const L: usize>(pub(super) &'a [[f64; L]]);
+
+/// The same of fields that are ahead of those.
+pub(super) struct ResidualAhead<'a, const L: usize>(pub(super) &'a [[f64; L]], pub(super) Ahead<'a, L>);
+
+impl<const L: usize> RightHandSide<L> for ResidualAhead<'_, L> {
+    #[inline(always)]
+    fn at(&self, _: &[[f32; L]], row: usize) -> [f32; L] {
+        let Self(kx, Ahead { charges, lengths }) = self;
+        let (mut b, kx, q) = ([0.0; L], &kx[row], &charges[row]);
+        for lane in 0..L {
+            b[lane] = -(kx[lane] + lengths[lane] * q[lane]) as f32;
+        }
+        b
+    }
+}
 
 impl<const L: usize> RightHandSide<L> for Residual<'_, L> {
     #[inline(always)]

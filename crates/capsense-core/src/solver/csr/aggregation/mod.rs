@@ -11,11 +11,12 @@ mod level;
 mod transfer;
 
 use super::columns::add;
+use super::increment::Ahead;
 use super::rows::Rows;
 use crate::workers::{TASK_ROWS, Workers, vectorised};
 use coarsest::Coarsest;
 pub(super) use level::Gains;
-use level::{Level, Own, Residual, Vectors};
+use level::{Level, Own, Residual, ResidualAhead, RightHandSide, Vectors};
 use transfer::{Changes, Transfer};
 
 /// A level with no more rows is solved exactly.
@@ -89,11 +90,24 @@ impl Hierarchy {
         }
     }
 
-    /// The first half of a symmetric cycle on r = -kx: all but the backward sweep of the finest level. Returns what its
+    /// The first half of a symmetric cycle on r = -kx, or where fields are ahead of that: all but the backward sweep of the finest level. Returns what its
     /// forward sweep gains, and RᵀMR, with what the coarser levels do, which is not quite symmetric; Σ r² with both.
     pub(super) fn descend<const L: usize>(
         &self,
         kx: &[[f64; L]],
+        ahead: Option<Ahead<'_, L>>,
+        work: &mut Work<L>,
+        workers: &Workers,
+    ) -> [Gains<L>; 2] {
+        match ahead {
+            Some(ahead) => self.descend_from(&ResidualAhead(kx, ahead), work, workers),
+            None => self.descend_from(&Residual(kx), work, workers),
+        }
+    }
+
+    fn descend_from<const L: usize>(
+        &self,
+        residual: &impl RightHandSide<L>,
         work: &mut Work<L>,
         workers: &Workers,
     ) -> [Gains<L>; 2] {
@@ -105,7 +119,7 @@ impl Hierarchy {
         let Some((finest, coarser)) = levels.split_first_mut() else { return [gains; 2] };
         let coarse = self.transfers.first().zip(coarser.first_mut());
         let coarse = coarse.map(|(transfer, coarse)| (transfer, coarse.b.as_mut_slice()));
-        self.levels[0].sweep_forward::<L, true>(finest, coarse, workers, &Residual(kx));
+        self.levels[0].sweep_forward::<L, true>(finest, coarse, workers, residual);
         for block in &finest.gains {
             gains.add(block);
         }
@@ -118,12 +132,23 @@ impl Hierarchy {
         [of_finest, gains]
     }
 
-    /// z = M (-kx): the second half of the cycle.
-    pub(super) fn ascend<const L: usize>(&self, kx: &[[f64; L]], work: &mut Work<L>, workers: &Workers) {
+    /// z = M r: the second half of the cycle.
+    pub(super) fn ascend<const L: usize>(
+        &self,
+        kx: &[[f64; L]],
+        ahead: Option<Ahead<'_, L>>,
+        work: &mut Work<L>,
+        workers: &Workers,
+    ) {
         let Some((finest, coarser)) = work.levels.split_first_mut() else { return };
         let correction = self.transfers.first().zip(coarser.first());
         let correction = correction.map(|(transfer, coarse)| (transfer, coarse.x.as_slice()));
-        self.levels[0].sweep_backward(finest, correction, workers, &Residual(kx));
+        match ahead {
+            Some(ahead) => {
+                self.levels[0].sweep_backward(finest, correction, workers, &ResidualAhead(kx, ahead));
+            }
+            None => self.levels[0].sweep_backward(finest, correction, workers, &Residual(kx)),
+        }
     }
 
     /// zᵀKz and zᵀKp, z what the last application made.
