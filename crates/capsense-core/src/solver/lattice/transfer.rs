@@ -95,7 +95,10 @@ impl Transfer {
         };
         let layout = Layout::new(coarse, fine.layout.margin).with_columns(fine.layout.columns);
         let stages = Stages { z, y, x, pieces: pieces(&kept[0]) };
-        let before = |plane| if plane < coarse[2] { stages.fine_plane(plane) } else { fine.layout.counts[2] };
+        let fine_plane =
+            |plane| if plane < coarse[2] { stages.fine_plane(plane) } else { fine.layout.counts[2] };
+        // A coarse plane takes about half as long as a fine one.
+        let before = |plane| 2 * fine_plane(plane) + plane;
         let parts = Parts::apart(&layout, threads, before);
         let tasks = parts.slabs.len().max(fine.parts.slabs.len());
         let transfer = Self { stages, between: vec![between; tasks], coarse: parts, layout: fine.layout };
