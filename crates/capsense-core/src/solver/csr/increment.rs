@@ -154,7 +154,7 @@ impl<const L: usize> Increment<L> {
         }
     }
 
-    /// Moves fields to where they are ahead; their charges too if there are any to move.
+    /// Moves fields to where they are ahead, and their charges where they are of use still.
     pub(super) fn catch_up(&mut self, x: &mut [[f64; L]], kx: &mut [[f64; L]]) {
         if self.ahead == [0.0; L] {
             return;
@@ -168,6 +168,10 @@ impl<const L: usize> Increment<L> {
         };
         lead(x, &self.fields);
         lead(kx, &self.charges);
+        let ChangeProducts { with_fields, own } = &mut self.products;
+        for (with_fields, own) in with_fields.iter_mut().zip(own) {
+            add(with_fields, &times(&ahead, own));
+        }
     }
 
     /// Before a step.

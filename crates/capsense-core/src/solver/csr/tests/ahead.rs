@@ -54,6 +54,13 @@ fn going_ahead_takes_fields_to_less_energy() {
             for (gain, expected) in told.gains().iter().zip(moved.gains()) {
                 assert!((gain - expected).abs() < 1e-4 * moved.gains()[0], "{gain} {expected}");
             }
+            // And once more without a step, energies are still right.
+            told.go_ahead();
+            let energies = told.state().energies.clone();
+            told.evaluate();
+            for (ahead, expected) in energies.iter().zip(&told.state().energies) {
+                assert!((ahead - expected).abs() < 1e-12 * largest, "{ahead} {expected}");
+            }
         }
     }
 }
