@@ -1,5 +1,6 @@
 //! Fields of a few terminals side by side, and what an iteration does to them.
 
+use super::change::{Change, ChangeProducts};
 use super::rows::{Rows, STRIP};
 use crate::workers::{Workers, vectorised};
 use std::ops::Range;
@@ -30,97 +31,6 @@ pub(super) struct Sums<const L: usize> {
     pub(super) charge: [f64; L],
     /// Of the change that is followed.
     pub(super) of_change: ChangeProducts<L>,
-}
-
-/// DᵀKX and DᵀKD of a change D of the fields.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ChangeProducts<const L: usize> {
-    pub(super) with_fields: [[f64; L]; L],
-    pub(super) own: [[f64; L]; L],
-}
-
-impl<const L: usize> Default for ChangeProducts<L> {
-    fn default() -> Self {
-        Self { with_fields: [[0.0; L]; L], own: [[0.0; L]; L] }
-    }
-}
-
-impl<const L: usize> ChangeProducts<L> {
-    /// Takes in one row of D, K D and K X.
-    #[inline(always)]
-    pub(super) fn add_row(&mut self, d: &[f64; L], q: &[f64; L], kx: &[f64; L]) {
-        add_products(&mut self.with_fields, d, kx);
-        add_products(&mut self.own, d, q);
-    }
-
-    fn add(&mut self, other: &Self) {
-        self.with_fields.iter_mut().zip(&other.with_fields).for_each(|(sum, other)| add(sum, other));
-        self.own.iter_mut().zip(&other.own).for_each(|(sum, other)| add(sum, other));
-    }
-}
-
-/// The last change of the fields, and how a step takes it along.
-pub(super) struct Change<'a, const L: usize> {
-    /// d, or nothing where fields are not led on and steps not followed.
-    pub(super) fields: &'a mut [[f64; L]],
-    /// q = K d, or nothing where steps are not followed.
-    pub(super) charges: &'a mut [[f64; L]],
-    /// How far fields are led along it.
-    pub(super) lead: [f64; L],
-    /// What of it the next change has beside all that fields move by.
-    pub(super) rest: [f64; L],
-}
-
-impl<const L: usize> Change<'_, L> {
-    /// Fields stand, and no step is followed.
-    pub(super) fn none() -> Self {
-        Change { fields: &mut [], charges: &mut [], lead: [0.0; L], rest: [0.0; L] }
-    }
-
-    fn follows(&self) -> bool {
-        !self.charges.is_empty()
-    }
-
-    /// Cuts it into slabs of a number of rows.
-    fn cut(&mut self, size: usize) -> impl Iterator<Item = Change<'_, L>> {
-        let (lead, rest) = (self.lead, self.rest);
-        let vectors = slabs(self.fields, size).zip(slabs(self.charges, size));
-        vectors.map(move |(fields, charges)| Change { fields, charges, lead, rest })
-    }
-
-    /// Before K x of some rows is computed.
-    #[inline(always)]
-    fn take_charges(&mut self, rows: Range<usize>, kx: &[[f64; L]]) {
-        if self.follows() {
-            for (q, kx) in self.charges[rows].iter_mut().zip(kx) {
-                (0..L).for_each(|lane| q[lane] = self.rest[lane] * q[lane] - kx[lane]);
-            }
-        }
-    }
-
-    /// And after.
-    #[inline(always)]
-    fn give_charges(&mut self, rows: Range<usize>, kx: &[[f64; L]]) -> ChangeProducts<L> {
-        let mut products = ChangeProducts::default();
-        if self.follows() {
-            let of_change = self.fields[rows.clone()].iter().zip(&mut self.charges[rows]);
-            for ((d, q), kx) in of_change.zip(kx) {
-                add(q, kx);
-                products.add_row(d, q, kx);
-            }
-        }
-        products
-    }
-}
-
-/// Pieces of some size, and nothing, again and again, once all are given.
-fn slabs<T>(mut of: &mut [T], size: usize) -> impl Iterator<Item = &mut [T]> {
-    std::iter::repeat_with(move || {
-        let size = size.min(of.len());
-        let (slab, rest) = std::mem::take(&mut of).split_at_mut(size);
-        of = rest;
-        slab
-    })
 }
 
 impl<const L: usize> Default for Sums<L> {
@@ -197,9 +107,9 @@ impl<const L: usize> Columns<L> {
         self.total(rows)
     }
 
-    /// p = a z + b p, x += p and what fields are led on by, and then as [`Columns::evaluate`], in one walk: a strip is evaluated as soon as all that it
-    /// takes has moved, and the change of the fields with it. Each thread walks along a slab of rows; strips that take from two
-    /// slabs come last.
+    /// p = a z + b p, x += p and what fields are led on by, and then as [`Columns::evaluate`], in one walk: a strip is
+    /// evaluated as soon as all that it takes has moved, and the change of the fields with it. Each thread walks along a
+    /// slab of rows; strips that take from two slabs come last.
     pub(super) fn step<Z: Copy + Into<f64> + Sync>(
         &mut self,
         rows: &Rows,
@@ -438,7 +348,7 @@ impl<const L: usize> Along<L> {
             }
             return;
         }
-        let (follows, Change { fields: d, lead, rest, .. }) = (change.follows(), change);
+        let (follows, Change { fields: d, lead, rest, .. }) = (change.is_followed(), change);
         for (((x, p), z), d) in fields.zip(&mut d[rows]) {
             let mut by = self.step(p, z);
             for lane in 0..L {

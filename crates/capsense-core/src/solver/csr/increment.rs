@@ -3,7 +3,8 @@
 //! Comput. Methods Appl. Mech. Engrg. 163, 1998, with one vector). Nothing is moved for that: the products follow the rows that
 //! change, the way down of a cycle starts from r - c q, and fields follow when they take a step.
 
-use super::columns::{Change, ChangeProducts, Columns, add};
+use super::change::{Ahead, Change, ChangeProducts, Charges};
+use super::columns::{Columns, add};
 use super::relaxation::Relaxed;
 use super::rows::Rows;
 use crate::solver::worth::{self, Worth};
@@ -20,27 +21,13 @@ pub(super) struct Increment<const L: usize> {
     /// How far the fields are ahead along it, and how far they were led before the first step of the solve under way.
     ahead: [f64; L],
     led: [f64; L],
-    /// Whether the solve under way has taken a step.
+    /// Whether the solve under way has taken a step, and by how much being ahead lowered the energies before.
     has_moved: bool,
+    gained: f64,
     worth: Worth,
     follows: bool,
     /// What rows were relaxed by since the last step: a part of the change that ends with the next one.
     pub(super) relaxed: Relaxed<L>,
-}
-
-/// q, and how far fields are ahead along d.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Ahead<'a, const L: usize> {
-    pub(super) charges: &'a [[f64; L]],
-    pub(super) lengths: [f64; L],
-}
-
-impl<const L: usize> Ahead<'_, L> {
-    /// By how much the charges of a row are ahead.
-    #[inline(always)]
-    pub(super) fn charges_of(&self, row: usize) -> [f64; L] {
-        times(&self.lengths, &self.charges[row])
-    }
 }
 
 impl<const L: usize> Increment<L> {
@@ -54,6 +41,7 @@ impl<const L: usize> Increment<L> {
             ahead: [0.0; L],
             led: [0.0; L],
             has_moved: false,
+            gained: 0.0,
             worth: Worth::default(),
             follows: false,
             relaxed: Relaxed::new(nodes),
@@ -70,9 +58,11 @@ impl<const L: usize> Increment<L> {
         self.relaxed.clear();
     }
 
-    /// Where fields are ahead, if they are.
-    pub(super) fn ahead(&self) -> Option<Ahead<'_, L>> {
-        (self.ahead != [0.0; L]).then_some(Ahead { charges: &self.charges, lengths: self.ahead })
+    /// K x of fields, where they are ahead.
+    pub(super) fn charges_of<'a>(&'a self, columns: &'a Columns<L>) -> Charges<'a, L> {
+        let is_ahead = self.ahead != [0.0; L];
+        let ahead = is_ahead.then_some(Ahead { charges: &self.charges, lengths: self.ahead });
+        Charges { kx: &columns.kx, ahead }
     }
 
     /// By how much the potentials of a row are ahead.
@@ -121,6 +111,7 @@ impl<const L: usize> Increment<L> {
         if relaxed.relax(rows, columns, ahead, &mut products.with_fields) {
             self.lead(columns.energies());
         }
+        self.gained = -trace(&self.gain());
     }
 
     /// Finds how far fields of such energies are best led.
@@ -150,7 +141,7 @@ impl<const L: usize> Increment<L> {
     /// Learns what going ahead is worth from what a cycle tells that there is left to gain, of all pairs of columns.
     pub(super) fn note_gains(&mut self, left: &[[f64; L]; L]) {
         if self.is_known && !self.has_moved {
-            self.worth.learn(-trace(&self.gain()), trace(left));
+            self.worth.learn(self.gained, trace(left));
         }
     }
 

@@ -2,9 +2,9 @@
 
 use super::super::{IncompleteCholesky, Preconditioner};
 use super::aggregation::{Gains, Hierarchy, Work};
+use super::change::Charges;
 use super::columns::Columns;
 use super::direct::Direct;
-use super::increment::Ahead;
 use super::rows::Rows;
 use crate::workers::Workers;
 
@@ -114,18 +114,19 @@ impl<const L: usize> Inverse<L> {
         }
     }
 
-    /// The first half of a cycle on the residuals -kx of one group, or where its fields are ahead of that, and what it gains; of other approximations, of fields that are not ahead, z = M (-kx),
+    /// The first half of a cycle on the residuals of one group, and what it gains; of other approximations, of fields that are not ahead, z = M r,
     /// and of each column zᵀ(-kx). Σ (kx)² over free rows too where it is new.
     pub(super) fn descend(
         &mut self,
         group: usize,
         rows: &Rows,
-        (kx, ahead): (&[[f64; L]], Option<Ahead<'_, L>>),
+        charges: Charges<'_, L>,
         workers: &Workers,
     ) -> Told<L> {
+        let kx = charges.kx;
         let own = match (&self.kind, &mut self.preconditioned[group]) {
             (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) => {
-                let [of_finest, Gains { products, squares }] = hierarchy.descend(kx, ahead, work, workers);
+                let [of_finest, Gains { products, squares }] = hierarchy.descend(charges, work, workers);
                 return Told { gains: products, of_finest: of_finest.products, residual: Some(squares) };
             }
             (Kind::IncompleteCholesky(factors), Preconditioned::Double(z)) => {
@@ -142,16 +143,11 @@ impl<const L: usize> Inverse<L> {
     }
 
     /// The second half of a cycle: z = M r.
-    pub(super) fn ascend(
-        &mut self,
-        group: usize,
-        (kx, ahead): (&[[f64; L]], Option<Ahead<'_, L>>),
-        workers: &Workers,
-    ) {
+    pub(super) fn ascend(&mut self, group: usize, charges: Charges<'_, L>, workers: &Workers) {
         if let (Kind::Aggregation(hierarchy), Preconditioned::Work(work)) =
             (&self.kind, &mut self.preconditioned[group])
         {
-            hierarchy.ascend(kx, ahead, work, workers);
+            hierarchy.ascend(charges, work, workers);
         }
     }
 

@@ -9,6 +9,7 @@
 //! factorises no more than what bodies change.
 
 mod aggregation;
+mod change;
 mod columns;
 mod direct;
 mod increment;
@@ -26,8 +27,9 @@ use super::operator::{Operator, State};
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
+use change::Charges;
 use columns::{Along, Columns, Sums, add_products};
-use increment::{Ahead, Increment};
+use increment::Increment;
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
 
@@ -258,9 +260,10 @@ impl<const L: usize> Solver<L> {
 
     #[cfg(test)]
     fn charge(&self, column: usize, row: usize) -> f64 {
-        let (group, row, lane) = (column / L, self.rows.row_of(row), column % L);
-        let ahead = self.increments[group].ahead().filter(|_| row < self.rows.len());
-        charge(&self.groups[group].kx, ahead, row, lane)
+        let (group, row) = (column / L, self.rows.row_of(row));
+        let mut charges = self.increments[group].charges_of(&self.groups[group]);
+        charges.ahead = charges.ahead.filter(|_| row < self.rows.len());
+        charges.at(row)[column % L]
     }
 
     fn set_potential(&mut self, column: usize, row: usize, value: f64) {
@@ -376,9 +379,9 @@ impl<const L: usize> Solver<L> {
             self.catch_up();
         }
         for index in 0..self.groups.len() {
-            let r = (self.groups[index].kx.as_slice(), self.increments[index].ahead());
+            let charges = self.increments[index].charges_of(&self.groups[index]);
             let Told { gains, of_finest, residual } =
-                self.inverse.descend(index, &self.rows, r, &self.workers);
+                self.inverse.descend(index, &self.rows, charges, &self.workers);
             self.increments[index].note_gains(&gains);
             for (s, t) in (0..L).flat_map(|s| (0..L).map(move |t| (s, t))) {
                 let (row, column) = (index * L + s, index * L + t);
@@ -405,8 +408,8 @@ impl<const L: usize> Solver<L> {
     fn add_gains_of_islands(&mut self) {
         let Self { columns, rows, groups, increments, islands, gains, .. } = self;
         let r = |node: u32, column: usize| {
-            let (group, row) = (column / L, rows.row_of(node as usize));
-            -charge(&groups[group].kx, increments[group].ahead(), row, column % L)
+            let charges = increments[column / L].charges_of(&groups[column / L]);
+            -charges.at(rows.row_of(node as usize))[column % L]
         };
         let all: Vec<usize> = (0..*columns).collect();
         islands.add_gains(r, &all, *columns, gains);
@@ -419,10 +422,10 @@ impl<const L: usize> Solver<L> {
 
     fn precondition(&mut self) {
         for (index, group) in self.groups.iter().enumerate() {
-            let r = (group.kx.as_slice(), self.increments[index].ahead());
-            self.inverse.ascend(index, r, &self.workers);
+            let charges = self.increments[index].charges_of(group);
+            self.inverse.ascend(index, charges, &self.workers);
             if let Some(z) = self.inverse.approximate_mut(index) {
-                add_islands(&mut self.islands, &self.rows, r, z);
+                add_islands(&mut self.islands, &self.rows, charges, z);
             }
         }
     }
@@ -469,21 +472,13 @@ fn spread<const L: usize>(group: usize, lanes: &[f64; L], columns: &mut [f64]) {
 fn add_islands<const L: usize>(
     islands: &mut Islands,
     rows: &Rows,
-    (kx, ahead): (&[[f64; L]], Option<Ahead<'_, L>>),
+    charges: Charges<'_, L>,
     mut z: Approximate<'_, L>,
 ) {
     let row = |node: u32| rows.row_of(node as usize);
     (0..L).for_each(|lane| {
-        islands.correct(
-            |node| -charge(kx, ahead, row(node), lane),
-            |node, shift| z.raise(row(node), lane, shift),
-        );
+        islands.correct(|node| -charges.at(row(node))[lane], |node, shift| z.raise(row(node), lane, shift));
     });
-}
-
-/// K x of a node, where fields are ahead.
-fn charge<const L: usize>(kx: &[[f64; L]], ahead: Option<Ahead<'_, L>>, row: usize, lane: usize) -> f64 {
-    kx[row][lane] + ahead.map_or(0.0, |of| of.charges_of(row)[lane])
 }
 
 /// XᵀKX between the columns of two groups, where their fields are ahead.
@@ -493,15 +488,12 @@ fn cross_energies<const L: usize>(groups: [(&Columns<L>, &Increment<L>); 2]) -> 
     for (x, kx) in a.x.iter().zip(&b.kx) {
         add_products(&mut energies, x, kx);
     }
-    if of_a.ahead().is_some() || of_b.ahead().is_some() {
-        for row in 0..of_a.fields.len() {
-            // K is symmetric, and no object moves along a change.
-            let [lead_a, lead_b] = [of_a, of_b].map(|of| of.lead_of(row));
-            let charges_b = of_b.ahead().map_or([0.0; L], |of| of.charges_of(row));
-            add_products(&mut energies, &lead_a, &b.kx[row]);
-            add_products(&mut energies, &a.kx[row], &lead_b);
-            add_products(&mut energies, &lead_a, &charges_b);
-        }
+    let charges_b = of_b.charges_of(b);
+    for row in 0..of_a.fields.len() {
+        // K is symmetric, and no object moves along a change.
+        let [lead_a, lead_b] = [of_a, of_b].map(|of| of.lead_of(row));
+        add_products(&mut energies, &lead_a, &charges_b.at(row));
+        add_products(&mut energies, &a.kx[row], &lead_b);
     }
     energies
 }

@@ -4,8 +4,8 @@
 //! it is, it needs no step of all fields. A row that is relaxed pushes what it has too much on to its neighbours, so those of
 //! them that have too much then come next (after Southwell, Relaxation Methods in Engineering Science, Oxford 1940).
 
-use super::columns::{ChangeProducts, Columns, add, add_products};
-use super::increment::Ahead;
+use super::change::{Ahead, ChangeProducts};
+use super::columns::{Columns, add, add_products};
 use super::rows::Rows;
 
 /// How many rows have a turn, for each that changed.
@@ -66,10 +66,8 @@ impl<const L: usize> Relaxed<L> {
         }
         let least = LEAST_GAIN / changed.len() as f64;
         let allowed = columns.own_energies().map(|energy| least * energy);
-        let residual = |columns: &Columns<L>, row: usize| -> [f64; L] {
-            let (kx, q) = (&columns.kx[row], &ahead.charges[row]);
-            std::array::from_fn(|lane| -(kx[lane] + ahead.lengths[lane] * q[lane]))
-        };
+        let residual =
+            |columns: &Columns<L>, row: usize| ahead.charge(&columns.kx[row], row).map(|charge| -charge);
         let has_turn = |columns: &Columns<L>, row: usize| {
             let of_lanes = residual(columns, row).into_iter().zip(&allowed);
             let diagonal = rows.diagonal()[row];

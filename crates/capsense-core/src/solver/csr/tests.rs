@@ -229,8 +229,9 @@ fn linear_inverses_are_symmetric_and_all_are_positive() {
         let mut solver = scene.solver_of_four(3, preconditioner, 1);
         let noise = |row: usize| [0.3, 0.7, 1.1, 1.9].map(|factor| (factor * row as f64).sin());
         let kx: Vec<[f64; 4]> = (0..solver.rows.len()).map(noise).collect();
-        let gains = solver.inverse.descend(0, &solver.rows, (&kx, None), &solver.workers).gains;
-        solver.inverse.ascend(0, (&kx, None), &solver.workers);
+        let gains =
+            solver.inverse.descend(0, &solver.rows, Charges { kx: &kx, ahead: None }, &solver.workers).gains;
+        solver.inverse.ascend(0, Charges { kx: &kx, ahead: None }, &solver.workers);
         let z: Vec<[f64; 4]> = match solver.inverse.preconditioned(0) {
             Preconditioned::Single(z) => z.iter().map(|z| z.map(f64::from)).collect(),
             Preconditioned::Double(z) => z.clone(),
@@ -424,7 +425,7 @@ fn incomplete_factors_are_those_of_the_matrix_in_any_form() {
     let kx: Vec<[f64; 4]> = (0..solver.rows.len()).map(|row| [(0.3 * row as f64).sin(); 4]).collect();
     let mut expected = kx.clone();
     factors.solve(&kx, &mut expected);
-    let _ = solver.inverse.descend(0, &solver.rows, (&kx, None), &solver.workers);
+    let _ = solver.inverse.descend(0, &solver.rows, Charges { kx: &kx, ahead: None }, &solver.workers);
     let Preconditioned::Double(z) = solver.inverse.preconditioned(0) else {
         panic!("IC(0) is in double precision")
     };

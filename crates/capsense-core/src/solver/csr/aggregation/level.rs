@@ -3,8 +3,8 @@
 //! A forward sweep that starts from zero reads only lower neighbours, and what it leaves of the residual comes only from
 //! the others. So a symmetric pair of sweeps with the residual between them reads every weight twice.
 
+use super::super::change::Ahead;
 use super::super::columns::add as add_double;
-use super::super::increment::Ahead;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
 use super::transfer::Transfer;
@@ -110,10 +110,10 @@ pub(super) struct ResidualAhead<'a, const L: usize>(pub(super) &'a [[f64; L]], p
 impl<const L: usize> RightHandSide<L> for ResidualAhead<'_, L> {
     #[inline(always)]
     fn at(&self, _: &[[f32; L]], row: usize) -> [f32; L] {
-        let Self(kx, Ahead { charges, lengths }) = self;
-        let (mut b, kx, q) = ([0.0; L], &kx[row], &charges[row]);
-        for lane in 0..L {
-            b[lane] = -(kx[lane] + lengths[lane] * q[lane]) as f32;
+        let Self(kx, ahead) = self;
+        let mut b = [0.0; L];
+        for (b, charge) in b.iter_mut().zip(ahead.charge(&kx[row], row)) {
+            *b = -charge as f32;
         }
         b
     }

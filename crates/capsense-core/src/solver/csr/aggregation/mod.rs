@@ -10,8 +10,8 @@ mod krylov;
 mod level;
 mod transfer;
 
+use super::change::Charges;
 use super::columns::add;
-use super::increment::Ahead;
 use super::rows::Rows;
 use crate::workers::{TASK_ROWS, Workers, vectorised};
 use coarsest::Coarsest;
@@ -90,12 +90,11 @@ impl Hierarchy {
         }
     }
 
-    /// The first half of a symmetric cycle on r = -kx, or where fields are ahead of that: all but the backward sweep of the finest level. Returns what its
+    /// The first half of a symmetric cycle on r, the charges' opposite: all but the backward sweep of the finest level. Returns what its
     /// forward sweep gains, and RᵀMR, with what the coarser levels do, which is not quite symmetric; Σ r² with both.
     pub(super) fn descend<const L: usize>(
         &self,
-        kx: &[[f64; L]],
-        ahead: Option<Ahead<'_, L>>,
+        Charges { kx, ahead }: Charges<'_, L>,
         work: &mut Work<L>,
         workers: &Workers,
     ) -> [Gains<L>; 2] {
@@ -135,8 +134,7 @@ impl Hierarchy {
     /// z = M r: the second half of the cycle.
     pub(super) fn ascend<const L: usize>(
         &self,
-        kx: &[[f64; L]],
-        ahead: Option<Ahead<'_, L>>,
+        Charges { kx, ahead }: Charges<'_, L>,
         work: &mut Work<L>,
         workers: &Workers,
     ) {
