@@ -249,10 +249,7 @@ impl<const L: usize> Columns<L> {
     #[inline(always)]
     pub(super) fn raise(&mut self, rows: &Rows, row: usize, by: &[f64; L]) {
         let Self { x, kx, energies, .. } = self;
-        let (charges, diagonal) = (&kx[row], rows.diagonal()[row]);
-        let changed: [f64; L] = std::array::from_fn(|lane| charges[lane] + diagonal * by[lane]);
-        add_products(energies, by, &changed);
-        add_products(energies, charges, by);
+        add_raise(energies, &kx[row], rows.diagonal()[row], by);
         add(&mut x[row], by);
         rows.add_charges(row, by, kx);
     }
@@ -303,6 +300,19 @@ pub(super) fn add_products<const L: usize>(sums: &mut [[f64; L]; L], a: &[f64; L
             sums[lane] += a * b[lane];
         }
     }
+}
+
+/// Adds to energies what it makes of them that a row of such charges takes another potential.
+#[inline(always)]
+pub(super) fn add_raise<const L: usize>(
+    energies: &mut [[f64; L]; L],
+    charges: &[f64; L],
+    diagonal: f64,
+    by: &[f64; L],
+) {
+    let after: [f64; L] = std::array::from_fn(|lane| charges[lane] + diagonal * by[lane]);
+    add_products(energies, by, &after);
+    add_products(energies, charges, by);
 }
 
 /// Adds to the energies what it makes of them that the charges of a row have changed.

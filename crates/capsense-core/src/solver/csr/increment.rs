@@ -102,24 +102,28 @@ impl<const L: usize> Increment<L> {
     }
 
     /// Begins a solve: leads fields as far along the last change as lowers their energies most, and relaxes the rows that
-    /// changed as they will be there.
-    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>) {
+    /// changed as they will be there. Returns whether that changes energies.
+    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>) -> bool {
         self.has_moved = false;
+        let before = self.ahead;
         self.lead(columns.energies());
         let Self { relaxed, products, charges, ahead, .. } = self;
         let ahead = Ahead { charges, lengths: *ahead };
-        if relaxed.relax(rows, columns, ahead, &mut products.with_fields) {
+        let has_relaxed = relaxed.relax(rows, columns, ahead, &mut products.with_fields);
+        if has_relaxed {
             self.lead(columns.energies());
         }
         self.gained = -trace(&self.gain());
+        has_relaxed || self.ahead != before
     }
 
-    /// Finds how far fields of such energies are best led.
+    /// Finds how far fields of such energies are best led. Forgets a change whose products are no numbers.
     fn lead(&mut self, energies: &[[f64; L]; L]) {
         self.ahead = [0.0; L];
         let ChangeProducts { with_fields, own } = &self.products;
-        let is_finite = with_fields.iter().chain(own).flatten().all(|product| product.is_finite());
-        if self.is_known && is_finite {
+        if !with_fields.iter().chain(own).flatten().all(|product| product.is_finite()) {
+            self.forget();
+        } else if self.is_known {
             for (lane, ahead) in self.ahead.iter_mut().enumerate() {
                 let (slope, curvature) = (-with_fields[lane][lane], own[lane][lane]);
                 *ahead = worth::length(slope, curvature, energies[lane][lane], 0.0);

@@ -114,8 +114,8 @@ impl<const L: usize> Inverse<L> {
         }
     }
 
-    /// The first half of a cycle on the residuals of one group, and what it gains; of other approximations, of fields that are not ahead, z = M r,
-    /// and of each column zᵀ(-kx). Σ (kx)² over free rows too where it is new.
+    /// The first half of a cycle on the residuals r of one group, and what it gains; of other approximations, whose fields
+    /// must not be ahead, z = M r, and of each column zᵀr. Σ r² over free rows too where it is new.
     pub(super) fn descend(
         &mut self,
         group: usize,

@@ -358,11 +358,14 @@ impl<const L: usize> Solver<L> {
     }
 
     fn go_ahead(&mut self) {
+        let mut has_changed = false;
         for (increment, group) in self.increments.iter_mut().zip(&mut self.groups) {
-            increment.go_ahead(&self.rows, group);
+            has_changed |= increment.go_ahead(&self.rows, group);
         }
-        (0..self.groups.len()).for_each(|index| self.take_energies(index));
-        self.add_cross_energies();
+        if has_changed {
+            (0..self.groups.len()).for_each(|index| self.take_energies(index));
+            self.add_cross_energies();
+        }
     }
 
     /// Moves fields to where they are ahead, for inverses that know of no such thing.

@@ -5,7 +5,7 @@
 //! them that have too much then come next (after Southwell, Relaxation Methods in Engineering Science, Oxford 1940).
 
 use super::change::{Ahead, ChangeProducts};
-use super::columns::{Columns, add, add_products};
+use super::columns::{Columns, add, add_products, add_raise};
 use super::rows::Rows;
 
 /// How many rows have a turn, for each that changed.
@@ -142,10 +142,8 @@ impl<const L: usize> Relaxed<L> {
                 // A conductor holds it by now.
                 continue;
             }
-            let (q, diagonal) = (charges[row], rows.diagonal()[row]);
-            let changed: [f64; L] = std::array::from_fn(|lane| q[lane] + diagonal * by[lane]);
-            products.add_row(&by, &changed, &kx[row]);
-            add_products(&mut products.own, &q, &by);
+            add_products(&mut products.with_fields, &by, &kx[row]);
+            add_raise(&mut products.own, &charges[row], rows.diagonal()[row], &by);
             add(&mut fields[row], &by);
             rows.add_charges(row, &by, charges);
         }

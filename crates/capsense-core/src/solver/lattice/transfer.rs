@@ -97,7 +97,7 @@ impl Transfer {
         let stages = Stages { z, y, x, pieces: pieces(&kept[0]) };
         let fine_plane =
             |plane| if plane < coarse[2] { stages.fine_plane(plane) } else { fine.layout.counts[2] };
-        // A coarse plane takes about half as long as a fine one.
+        // Coarse planes take time, too: without them the first slab would have less to do.
         let before = |plane| 2 * fine_plane(plane) + plane;
         let parts = Parts::apart(&layout, threads, before);
         let tasks = parts.slabs.len().max(fine.parts.slabs.len());

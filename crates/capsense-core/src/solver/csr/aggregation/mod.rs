@@ -90,8 +90,9 @@ impl Hierarchy {
         }
     }
 
-    /// The first half of a symmetric cycle on r, the charges' opposite: all but the backward sweep of the finest level. Returns what its
-    /// forward sweep gains, and RᵀMR, with what the coarser levels do, which is not quite symmetric; Σ r² with both.
+    /// The first half of a symmetric cycle on r, the charges' opposite: all but the backward sweep of the finest level.
+    /// Returns what its forward sweep gains, and RᵀMR, with what the coarser levels do, which is not quite symmetric; Σ r²
+    /// with both.
     pub(super) fn descend<const L: usize>(
         &self,
         Charges { kx, ahead }: Charges<'_, L>,
