@@ -3,6 +3,7 @@
 use super::EdgeNetwork;
 use crate::occupancy::{NO_OBJECT, Occupancy};
 use crate::sensor::RimLink;
+use std::ops::Range;
 
 /// Links in the order of their nodes.
 #[derive(Clone, Debug)]
@@ -10,6 +11,8 @@ pub(super) struct RimWeights {
     /// In the empty scene.
     empty: Vec<RimLink>,
     now: Vec<RimLink>,
+    /// From the first node to behind the last.
+    extent: Range<u32>,
     changed: bool,
 }
 
@@ -17,7 +20,8 @@ impl RimWeights {
     pub(super) fn new(links: &[RimLink]) -> Self {
         let mut empty = links.to_vec();
         empty.sort_by_key(|link| (link.node, link.electrode));
-        Self { now: empty.clone(), empty, changed: false }
+        let extent = empty.first().zip(empty.last()).map_or(0..0, |(first, last)| first.node..last.node + 1);
+        Self { now: empty.clone(), empty, extent, changed: false }
     }
 
     pub(super) fn links(&self) -> &[RimLink] {
@@ -40,6 +44,10 @@ impl RimWeights {
     /// Weighs the links of a node anew and returns their sum. A link stands for the field around the rim, so it grows as
     /// the mean permittivity around the node does. Edges that end in a conductor tell nothing of it.
     pub(super) fn update(&mut self, node: u32, network: &EdgeNetwork, occupancy: &Occupancy) -> f64 {
+        // Most nodes are far from any rim.
+        if !self.extent.contains(&node) {
+            return 0.0;
+        }
         let first = self.empty.partition_point(|link| link.node < node);
         let count = self.empty[first..].iter().take_while(|link| link.node == node).count();
         if count == 0 {

@@ -18,7 +18,11 @@ pub(super) struct Place {
 impl Place {
     /// That of a node by its number, in two layouts.
     pub(super) fn of(node: usize, of_nodes: &Layout, of_vectors: &Layout) -> Self {
-        let indices = of_nodes.indices(node);
+        Self::at(of_nodes.indices(node), of_nodes, of_vectors)
+    }
+
+    /// That of a node by its indices along the axes.
+    pub(super) fn at(indices: [usize; 3], of_nodes: &Layout, of_vectors: &Layout) -> Self {
         let ((colour, at), (_, first)) = (of_nodes.place(indices), of_vectors.place(indices));
         Self { colour, at, first }
     }

@@ -37,25 +37,13 @@ pub(super) struct Energies<'a> {
 }
 
 impl Held {
-    /// Looks for nodes that are held now among some, at potentials that are not zero in some column.
-    pub(super) fn find(
-        &mut self,
-        [of_nodes, layout]: [&Layout; 2],
-        potentials: &Potentials,
-        fixed: &[bool],
-        changed: &[u32],
-    ) {
-        for &node in changed {
-            let row = node as usize;
-            if !fixed[row] || self.is_listed[row] {
-                continue;
-            }
-            let Place { colour, first, .. } = Place::of(row, of_nodes, layout);
-            let potential = |column| potentials.get(colour, layout.in_column(column, first));
-            if (0..layout.columns).any(|column| potential(column) != 0.0) {
-                self.is_listed[row] = true;
-                self.nodes.push(node);
-            }
+    /// Lists a node that is held now, if its potential is not zero in some column.
+    pub(super) fn list(&mut self, layout: &Layout, potentials: &Potentials, node: u32, place: Place) {
+        let is_listed = &mut self.is_listed[node as usize];
+        let potential = |column| potentials.get(place.colour, layout.in_column(column, place.first));
+        if !*is_listed && (0..layout.columns).any(|column| potential(column) != 0.0) {
+            *is_listed = true;
+            self.nodes.push(node);
         }
     }
 }

@@ -8,14 +8,14 @@
 //! were relaxed by in between, and the step.
 
 use super::LatticeSolver;
-use super::charges::{NodeCharges, Place};
-use super::layout::{Coloured, Layout};
+use super::layout::{BLOCK, Coloured, Layout};
 use super::level::Level;
 use super::parts::{Part, cut_both, cut_planes};
 use super::potentials::Potentials;
-use super::precision::{Leaking, Network};
+use super::precision::Network;
+use super::refreshed::OfColumn;
 use super::relaxed::{Followed, RelaxedNodes};
-use super::rows::subtract;
+use super::rows::{add_product, subtract, subtract_product};
 use super::sums::{Nodes, products, total};
 use crate::solver::worth::{self, Worth};
 use pulp::Simd;
@@ -43,25 +43,23 @@ pub(super) struct Increment {
     follows: bool,
     /// What nodes were relaxed by since the last step.
     pub(super) relaxed: RelaxedNodes,
-    /// Room for one node.
-    pub(super) node: NodeCharges,
 }
 
 /// Products of a change with residuals and charges.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sums {
+pub(super) struct Sums<T = f64> {
     columns: usize,
     /// Σ d_s r_t, and Σ d_s q_t for s <= t.
-    with_residuals: Vec<f64>,
-    with_charges: Vec<f64>,
+    with_residuals: Vec<T>,
+    with_charges: Vec<T>,
     /// Σ r q and Σ q² of each column.
-    crossed: Vec<f64>,
-    squares: Vec<f64>,
+    crossed: Vec<T>,
+    squares: Vec<T>,
 }
 
-impl Sums {
-    fn new(columns: usize) -> Self {
-        let (square, column) = (vec![0.0; columns * columns], vec![0.0; columns]);
+impl<T: Clone + Default> Sums<T> {
+    pub(super) fn new(columns: usize) -> Self {
+        let (square, column) = (vec![T::default(); columns * columns], vec![T::default(); columns]);
         Self {
             columns,
             with_residuals: square.clone(),
@@ -71,17 +69,28 @@ impl Sums {
         }
     }
 
-    fn all(&mut self) -> impl Iterator<Item = &mut f64> {
+    fn all(&mut self) -> impl Iterator<Item = &mut T> {
         let Self { with_residuals, with_charges, crossed, squares, .. } = self;
         with_residuals.iter_mut().chain(with_charges).chain(crossed).chain(squares)
     }
 
     fn clear(&mut self) {
-        self.all().for_each(|sum| *sum = 0.0);
+        self.all().for_each(|sum| *sum = T::default());
     }
+}
 
+impl Sums {
     fn add(&mut self, other: &mut Self) {
         self.all().zip(other.all()).for_each(|(sum, part)| *sum += *part);
+    }
+
+    /// Adds what is there of some blocks, and leaves nothing of it.
+    #[inline(always)]
+    pub(super) fn take(&mut self, of_blocks: &mut Sums<[f32; BLOCK]>) {
+        for (sum, part) in self.all().zip(of_blocks.all()) {
+            *sum += total(part);
+            *part = [0.0; BLOCK];
+        }
     }
 
     /// What a node of one column had in them, before its d is zero.
@@ -93,18 +102,6 @@ impl Sums {
                 self.with_charges[column * self.columns + t] -= d * charge;
             }
         }
-    }
-
-    /// The residual and the charge of a node in column t are others; `d` is of all columns there.
-    pub(super) fn change(&mut self, t: usize, d: &[f64], [r, q]: [f64; 2], [r_before, q_before]: [f64; 2]) {
-        for (s, d) in d.iter().enumerate() {
-            self.with_residuals[s * self.columns + t] += d * (r - r_before);
-            if s <= t {
-                self.with_charges[s * self.columns + t] += d * (q - q_before);
-            }
-        }
-        self.crossed[t] += r * q - r_before * q_before;
-        self.squares[t] += q * q - q_before * q_before;
     }
 
     /// Σ d_s r_t is another.
@@ -133,6 +130,30 @@ impl Sums {
     }
 }
 
+impl Sums<[f32; BLOCK]> {
+    /// The residuals and charges of a block are others.
+    #[inline(always)]
+    pub(super) fn change<S: Simd>(&mut self, simd: S, of_block: &[OfColumn]) {
+        let columns = of_block.len();
+        for (t, of_t) in of_block.iter().enumerate() {
+            let ([r_before, r], [q_before, q]) = (&of_t.residual, &of_t.charge);
+            let (mut residual, mut charge) = (*r, *q);
+            subtract(simd, &mut residual, r_before);
+            subtract(simd, &mut charge, q_before);
+            add_product(simd, &mut self.crossed[t], r, q);
+            subtract_product(simd, &mut self.crossed[t], r_before, q_before);
+            add_product(simd, &mut self.squares[t], q, q);
+            subtract_product(simd, &mut self.squares[t], q_before, q_before);
+            for (s, of_s) in of_block.iter().enumerate() {
+                add_product(simd, &mut self.with_residuals[s * columns + t], &of_s.increment, &residual);
+                if s <= t {
+                    add_product(simd, &mut self.with_charges[s * columns + t], &of_s.increment, &charge);
+                }
+            }
+        }
+    }
+}
+
 impl Increment {
     pub(super) fn new(layout: &Layout) -> Self {
         let columns = layout.columns;
@@ -149,7 +170,6 @@ impl Increment {
             worth: Worth::default(),
             follows: false,
             relaxed: RelaxedNodes::new(layout),
-            node: NodeCharges::new(columns),
         }
     }
 
@@ -190,12 +210,6 @@ impl Increment {
     /// The state's energies were computed anew, without it.
     pub(super) fn forget_energies(&mut self) {
         self.energies.fill(0.0);
-    }
-
-    /// d and its charges at a node.
-    pub(super) fn look(&mut self, leak: &Coloured<f32>, finest: &Level, place: Place) {
-        let network = Leaking { stencil: &finest.stencil, leak };
-        self.node.look_in(network, &self.fields, &finest.layout, place, |_, charge| charge);
     }
 }
 

@@ -41,7 +41,7 @@ use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
-use charges::NodeCharges;
+use charges::{NodeCharges, Place};
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
 pub(super) use hierarchy::coarsenings;
@@ -51,7 +51,7 @@ use links::ObjectLinks;
 use parts::Parts;
 use potentials::Potentials;
 use pulp::Arch;
-use refreshed::Refreshed;
+use refreshed::{Blocks, Refreshed};
 use relaxation::Room;
 use sums::PIECE;
 
@@ -92,6 +92,9 @@ pub(crate) struct LatticeSolver {
     held: Held,
     /// Room for one node.
     node: NodeCharges,
+    /// Where the rows are that changed, and what is worked on there.
+    places: Vec<Place>,
+    blocks: Blocks,
     room: Room,
     /// How threads share the planes, and storage for each.
     parts: Parts,
@@ -138,6 +141,8 @@ impl LatticeSolver {
             of_free: vec![0.0; columns * columns],
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
+            places: Vec::new(),
+            blocks: Blocks::new(&of_nodes, columns),
             room: Room::new(&of_nodes, &layout),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
@@ -238,6 +243,8 @@ impl LatticeSolver {
     /// Gives back the room that the first refresh took, in which every row changed.
     pub(crate) fn settle(&mut self) {
         self.hierarchy.settle();
+        self.blocks.settle();
+        self.places = Vec::new();
     }
 
     /// Where a node stands in the vectors.
@@ -269,6 +276,8 @@ impl LatticeSolver {
             held,
             state,
             node,
+            places,
+            blocks,
             room,
             workers,
             ..
@@ -276,10 +285,18 @@ impl LatticeSolver {
         let arch = *arch;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed);
         let besides = || {
-            for node in changed.iter().map(|&node| node as usize) {
-                potentials.refresh(matrix, node, of_nodes.place(layout.indices(node)));
+            places.clear();
+            for &node in changed {
+                let row = node as usize;
+                let indices = of_nodes.indices(row);
+                let place = Place::at(indices, &of_nodes, &layout);
+                potentials.refresh(matrix, row, (place.colour, place.at));
+                if fixed[row] {
+                    held.list(&layout, potentials, node, place);
+                }
+                blocks.list(&of_nodes, place, indices[2]);
+                places.push(place);
             }
-            held.find([&of_nodes, &layout], potentials, fixed, changed);
             links.collect(&of_nodes, &layout, matrix);
         };
         workers.both(finest, besides);
@@ -288,10 +305,10 @@ impl LatticeSolver {
         let residuals = || {
             increment.forget_energies();
             let mut rows =
-                Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, node, room };
-            changed.iter().for_each(|&node| rows.refresh(node as usize, fixed[node as usize]));
-            rows.relax(changed);
-            let Refreshed { potentials, finest, of_free, state, node, .. } = rows;
+                Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
+            rows.refresh(arch);
+            rows.relax(places);
+            let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
         workers.both(|| coarser.refresh(workers, arch), residuals);

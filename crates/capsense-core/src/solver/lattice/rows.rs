@@ -64,6 +64,15 @@ pub(super) fn add_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]
     }
 }
 
+/// to -= a u.
+#[inline(always)]
+pub(super) fn subtract_product<S: Simd>(simd: S, to: &mut [f32], a: &[f32], u: &[f32]) {
+    let (to, a, u) = (S::as_mut_simd_f32s(to).0, S::as_simd_f32s(a).0, S::as_simd_f32s(u).0);
+    for ((to, a), u) in to.iter_mut().zip(a).zip(u) {
+        *to = simd.sub_f32s(*to, simd.mul_f32s(*a, *u));
+    }
+}
+
 /// to = own + a u.
 #[inline(always)]
 pub(super) fn add_to<S: Simd>(simd: S, to: &mut [f32], own: &[f32], [a, u]: [&[f32]; 2]) {

@@ -18,7 +18,7 @@ use std::ops::Range;
 pub(super) const PIECE: usize = 32 * BLOCK;
 
 /// One number for each place in a block.
-type Partial = [f64; BLOCK];
+pub(super) type Partial = [f64; BLOCK];
 
 /// Sums over a plane, and the storage they are taken with.
 #[derive(Clone, Debug)]
@@ -44,6 +44,13 @@ pub(super) struct Equations<'a, K> {
     /// Zero where the potential is fixed.
     pub(super) inverse: &'a Coloured<f32>,
     pub(super) links: &'a ObjectLinks,
+}
+
+impl<K> Equations<'_, K> {
+    #[inline(always)]
+    pub(super) fn inverse(&self, nodes: &Nodes) -> &[f32] {
+        &self.inverse[nodes.colour][nodes.places.start..nodes.places.end]
+    }
 }
 
 /// Some planes of the vectors.
@@ -117,28 +124,46 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         r: &mut [f32],
         nodes: &Nodes,
     ) {
-        self.apply(simd, of, fields, nodes);
-        for link in of.links.between(nodes.colour, &nodes.places) {
-            self.apply_link(of, link, nodes);
-        }
+        self.take_charges(simd, of, fields.x, nodes);
         self.add_piece(simd, of, fields, r, nodes);
     }
 
-    /// y = K x, all columns.
+    /// y = K x, all columns, with what links to objects take.
     #[inline(always)]
-    fn apply<S: Simd, K: Network<Value = T>>(
+    pub(super) fn take_charges<S: Simd, K: Network<Value = T>>(
         &mut self,
         simd: S,
         of: &Equations<'_, K>,
-        fields: &Fields<'_, T>,
+        x: [&[T]; 2],
+        nodes: &Nodes,
+    ) {
+        self.apply(simd, of, x, nodes);
+        for link in of.links.between(nodes.colour, &nodes.places) {
+            self.apply_link(of, link, nodes);
+        }
+    }
+
+    /// y = K x, all columns, all objects at 0 V.
+    #[inline(always)]
+    pub(super) fn apply<S: Simd, K: Network<Value = T>>(
+        &mut self,
+        simd: S,
+        of: &Equations<'_, K>,
+        x: [&[T]; 2],
         nodes: &Nodes,
     ) {
         let (colour, from) = (nodes.colour, nodes.first);
         let span = of.layout.in_column(self.columns - 1, nodes.places.len());
-        let around = of.layout.neighbours(colour, from, span, fields.x[1 - colour]);
+        let around = of.layout.neighbours(colour, from, span, x[1 - colour]);
         let columns = Columns { count: self.columns, stride: of.layout.in_column(1, 0) };
-        let (y, x) = (&mut self.y[..span], &fields.x[colour][from..from + span]);
+        let (y, x) = (&mut self.y[..span], &x[colour][from..from + span]);
         of.network.apply(simd, y, x, around, colour, nodes.places.start..nodes.places.end, columns);
+    }
+
+    /// The first of them in one column.
+    #[inline(always)]
+    pub(super) fn of_column(&self, layout: &Layout, column: usize, n: usize) -> &[T] {
+        &self.y[layout.in_column(column, 0)..layout.in_column(column, n)]
     }
 
     /// What a link to an object takes from a charge; what the node itself has of it is on the diagonal.
@@ -160,7 +185,7 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
         r: &mut [f32],
         nodes: &Nodes,
     ) {
-        let inverse = &of.inverse[nodes.colour][nodes.places.start..nodes.places.end];
+        let inverse = of.inverse(nodes);
         let (x, p) = (fields.x[nodes.colour], fields.p[nodes.colour]);
         let n = nodes.places.len();
         let mut pair = 0;
@@ -169,7 +194,7 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
             let (r, p) = (&mut r[at.start..at.end], &p[at.start..at.end]);
             let rounded = &mut self.rounded[t * PIECE..t * PIECE + n];
             K::round(rounded, &x[at]);
-            K::round(r, &self.y[of.layout.in_column(t, 0)..of.layout.in_column(t, n)]);
+            K::round(r, self.of_column(&of.layout, t, n));
             turn_into_residuals(simd, r, inverse);
             for s in 0..=t {
                 add(&mut self.products[pair], products(simd, &self.rounded[s * PIECE..s * PIECE + n], r));
@@ -198,11 +223,21 @@ impl<T: Copy + Default + Into<f64>> Sums<T> {
 
 /// Turns charges into residuals: the other sign, and zero where the potential is fixed.
 #[inline(always)]
-fn turn_into_residuals<S: Simd>(simd: S, r: &mut [f32], inverse: &[f32]) {
+pub(super) fn turn_into_residuals<S: Simd>(simd: S, r: &mut [f32], inverse: &[f32]) {
     let zero = simd.splat_f32s(0.0);
     for (r, inverse) in S::as_mut_simd_f32s(r).0.iter_mut().zip(S::as_simd_f32s(inverse).0) {
         let is_fixed = simd.equal_f32s(*inverse, zero);
         *r = simd.select_f32s(is_fixed, zero, simd.neg_f32s(*r));
+    }
+}
+
+/// Makes charges zero where the potential is fixed.
+#[inline(always)]
+pub(super) fn hold<S: Simd>(simd: S, q: &mut [f32], inverse: &[f32]) {
+    let zero = simd.splat_f32s(0.0);
+    for (q, inverse) in S::as_mut_simd_f32s(q).0.iter_mut().zip(S::as_simd_f32s(inverse).0) {
+        let is_fixed = simd.equal_f32s(*inverse, zero);
+        *q = simd.select_f32s(is_fixed, zero, *q);
     }
 }
 
