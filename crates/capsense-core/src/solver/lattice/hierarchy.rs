@@ -26,6 +26,9 @@ const STEP: f64 = 1.26;
 const REDUCTION: f64 = 0.5;
 const REDUCTION_OF_FEW: f64 = 0.35;
 
+/// Coarser levels follow where a weight grew or fell by more than this factor.
+const FAR: f32 = 2.0;
+
 /// Number of nodes that are few.
 const FEW_NODES: usize = 10_000;
 
@@ -44,6 +47,9 @@ pub(super) struct Hierarchy {
     pub(super) transfers: Vec<Transfer>,
     finest: Network,
     changed: Changed,
+    /// What changed since coarser levels followed last, and whether they are to follow now.
+    pending: Changed,
+    is_due: bool,
 }
 
 impl Hierarchy {
@@ -62,6 +68,8 @@ impl Hierarchy {
         Self {
             finest: Network::new(layout.counts),
             changed: Changed::nothing(layout.counts),
+            pending: Changed::nothing(layout.counts),
+            is_due: true,
             levels,
             transfers,
         }
@@ -78,6 +86,7 @@ impl Hierarchy {
     /// Gives back the room that the first refresh took, in which every row changed.
     pub(super) fn settle(&mut self) {
         self.changed.release();
+        self.pending.release();
         self.transfers.iter_mut().for_each(Transfer::settle);
     }
 
@@ -92,42 +101,50 @@ impl Hierarchy {
     }
 
     /// Takes over the matrix and the fixed rows where they changed on the finest level. `changed` must hold all nodes whose
-    /// row or state changed.
+    /// row or state changed. Coarser levels are to follow unless they can wait, and do so in any case where a potential was fixed or
+    /// released.
     pub(super) fn refresh_finest(
         &mut self,
         arch: Arch,
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         changed: &[u32],
+        can_wait: bool,
     ) {
-        let Self { levels, finest, changed: region, .. } = self;
+        let Self { levels, finest, changed: region, pending, is_due, .. } = self;
         region.clear();
+        *is_due = !can_wait;
         for node in changed.iter().map(|&node| node as usize) {
             let [i, j, k] = levels[0].layout.indices(node);
             let at = finest.index([i, j, k]);
-            let set = |value: &mut f32, now: f32| std::mem::replace(value, now).to_bits() != now.to_bits();
+            let (leak_before, mut most) = (finest.leak[at], 0.0_f32);
             let leak = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
             // Within a conductor nothing differs, whatever links its nodes have.
-            let mut differs = set(&mut finest.leak[at], leak);
+            let mut differs = replace(&mut finest.leak[at], leak);
             for (axis, next) in finest.next.iter_mut().enumerate() {
-                if set(&mut next[at], matrix.lattice_weight(node, axis) as f32) {
+                let (before, now) = (next[at], matrix.lattice_weight(node, axis) as f32);
+                most = most.max(now);
+                if replace(&mut next[at], now) {
                     differs = true;
+                    *is_due |= is_far(before, now, 0.0);
                     let [i, j, k] = [0, 1, 2].map(|other| [i, j, k][other] + usize::from(other == axis));
                     region.add(i..i + 1, j, k);
                 }
             }
             if differs {
+                *is_due |= is_far(leak_before, leak, most);
                 region.add(i..i + 1, j, k);
             }
         }
         levels[0].refresh(arch, finest, region);
+        pending.join(region);
     }
 
     /// The finest level, and what makes the coarser ones follow it.
     pub(super) fn split(&mut self) -> (&mut Level, Coarser<'_>) {
-        let Self { levels, transfers, finest, changed } = self;
+        let Self { levels, transfers, finest, pending, is_due, .. } = self;
         let (first, levels) = levels.split_at_mut(1);
-        (&mut first[0], Coarser { levels, transfers, finest, changed })
+        (&mut first[0], Coarser { levels, transfers, finest, pending, is_due: *is_due })
     }
 
     /// The second half of a symmetric V-cycle, up to the correction x of the finest level.
@@ -179,18 +196,33 @@ impl Hierarchy {
     }
 }
 
+/// Stores a number. Returns whether it is another than before.
+fn replace(stored: &mut f32, now: f32) -> bool {
+    std::mem::replace(stored, now).to_bits() != now.to_bits()
+}
+
+/// Whether a weight is so far from what it was that coarser levels must follow, if what is less than another counts as much.
+fn is_far(before: f32, now: f32, least: f32) -> bool {
+    let (before, now) = (before.max(least), now.max(least));
+    now > FAR * before || before > FAR * now
+}
+
 /// All levels but the finest, and where that changed.
 pub(super) struct Coarser<'a> {
     levels: &'a mut [Level],
     transfers: &'a mut [Transfer],
     finest: &'a Network,
-    changed: &'a Changed,
+    pending: &'a mut Changed,
+    is_due: bool,
 }
 
 impl Coarser<'_> {
-    /// Recomputes them where the finest level changed.
+    /// Recomputes them where the finest level changed, if that is due.
     pub(super) fn refresh(self, workers: &Workers, arch: Arch) {
-        let (mut fine, mut changed) = (self.finest, self.changed);
+        if !self.is_due {
+            return;
+        }
+        let (mut fine, mut changed) = (self.finest, &*self.pending);
         for transfer in &mut *self.transfers {
             transfer.refresh(workers, arch, fine, changed);
             (fine, changed) = transfer.coarse().unwrap_or((fine, changed));
@@ -198,6 +230,7 @@ impl Coarser<'_> {
         let networks = self.transfers.iter().zip(self.levels);
         let networks = networks.filter_map(|(transfer, level)| transfer.coarse().zip(Some(level)));
         workers.for_each(networks, |((network, changed), level)| level.refresh(arch, network, changed));
+        self.pending.clear();
     }
 }
 

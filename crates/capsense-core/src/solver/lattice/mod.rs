@@ -283,7 +283,8 @@ impl LatticeSolver {
             ..
         } = self;
         let arch = *arch;
-        let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed);
+        let can_wait = increment.is_to_stand();
+        let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {
             places.clear();
             for &node in changed {

@@ -106,6 +106,14 @@ impl Changed {
         }
     }
 
+    /// Adds all that others hold.
+    pub(super) fn join(&mut self, others: &Self) {
+        for row in 0..others.rows() {
+            let (nodes, j, k) = others.row(row);
+            self.add(nodes, j, k);
+        }
+    }
+
     /// Adds some nodes of the four rows beside row (j, k).
     pub(super) fn add_beside_row(&mut self, nodes: Range<usize>, j: usize, k: usize) {
         let (before_j, before_k) = (j.wrapping_sub(1), k.wrapping_sub(1));

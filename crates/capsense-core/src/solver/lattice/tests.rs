@@ -393,7 +393,7 @@ fn going_ahead_is_as_good_as_moving_the_fields() {
         }
         step(&mut scene, 0.395);
         assert_eq!(!scene.solver.islands.is_empty(), has_islands);
-        let standing = scene.solver.state().energies.clone();
+        let State { energies: standing, residual: before, .. } = scene.solver.state().clone();
         scene.solver.go_ahead();
         scene.solver.descend(&active);
         let (ahead, gains) = (scene.solver.state().clone(), scene.solver.gains().to_vec());
@@ -411,7 +411,12 @@ fn going_ahead_is_as_good_as_moving_the_fields() {
             let own = column * (COLUMNS + 1);
             let gained = standing[own] - ahead.energies[own];
             assert!(gained > 0.0, "{column}: {gained:e} of {}", standing[own]);
-            assert!((ahead.residual[column] / moved.residual[column] - 1.0).abs() < 1e-3, "{column}");
+            // A difference of sums in single precision, which are as large as what was there before.
+            let error = (ahead.residual[column] - moved.residual[column]).abs();
+            assert!(
+                error < 1e-6 * before[column] && ahead.residual[column] < 1e-3 * before[column],
+                "{column}"
+            );
             for other in 0..COLUMNS {
                 let at = column * COLUMNS + other;
                 let error = (ahead.energies[at] - moved.energies[at]).abs();
