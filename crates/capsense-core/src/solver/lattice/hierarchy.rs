@@ -26,8 +26,10 @@ const STEP: f64 = 1.26;
 const REDUCTION: f64 = 0.5;
 const REDUCTION_OF_FEW: f64 = 0.35;
 
-/// Coarser levels follow where a weight grew or fell by more than this factor.
-const FAR: f32 = 2.0;
+/// Coarser levels follow where a weight grew or fell by more than this factor. Measured: with 2 a frame of 200k tetrahedra towards takes
+/// 2 % more instructions and of 25k 1 %; 16 spares nothing more. With any factor, bodies of contrasts up to a million were off
+/// by up to 7,000 tolerances.
+const FAR: f32 = 4.0;
 
 /// Number of nodes that are few.
 const FEW_NODES: usize = 10_000;

@@ -5,7 +5,7 @@ use super::layout::{BLACK, RED};
 use super::stencil::Stencil;
 use crate::geometry::Aabb;
 use crate::material::{Connection, Material, RelativePermittivity};
-use crate::mesh::Lattice;
+use crate::mesh::{Background, Edges, Lattice};
 use crate::occupancy::{DepthLayers, EdgeGeometry, NO_OBJECT, Occupancy, OrthographicView};
 use crate::sensor::{FREE, GROUND};
 use crate::solver::SolverOptions;
@@ -510,5 +510,49 @@ fn nothing_is_written_where_no_free_node_is() {
         for (x, free) in level.x[colour].iter().zip(&free[colour]) {
             assert!(*free || *x == 0.0);
         }
+    }
+}
+
+/// While fields stand still, coarse networks wait for what changes weights by little, but not for more frames than they are
+/// likely to; and not for a weight that is another, nor for a potential that is fixed or released.
+#[test]
+fn coarse_networks_wait_for_what_changes_little() {
+    let mut scene = Scene::new();
+    scene.solver.change_precision(&scene.matrix);
+    scene.solve(1e-4);
+    let (network, all) = (scene.matrix.network().clone(), (0..scene.nodes.len() as u32).collect::<Vec<_>>());
+    let times = |factor: f64| {
+        let Edges::Lattice(lattice) = network.edges() else { panic!("no lattice") };
+        let permittivity = Background::new(vec![factor; lattice.tet_count()]);
+        StiffnessMatrix::new(EdgeNetwork::assemble_lattice(lattice, &permittivity), scene.nodes.len())
+    };
+    let (active, mut solver, mut fixed) = ([true; COLUMNS], scene.solver.clone(), scene.fixed.clone());
+    let step = |solver: &mut LatticeSolver| {
+        solver.go_ahead();
+        solver.descend(&active);
+        solver.precondition_and_step(&active, &[1.0; COLUMNS], &[0.0; COLUMNS]);
+    };
+    let follows = |solver: &mut LatticeSolver, matrix: &StiffnessMatrix, fixed: &[bool]| {
+        let coarse = |of: &LatticeSolver| {
+            of.hierarchy.levels[1..].iter().map(|level| level.stencil.centre.clone()).collect::<Vec<_>>()
+        };
+        let before = coarse(solver);
+        solver.refresh(matrix, fixed, &all);
+        solver.go_ahead();
+        coarse(solver) != before
+    };
+    step(&mut solver);
+    let frames = [1.5, 1.6, 1.7, 1.8].map(|factor| follows(&mut solver, &times(factor), &fixed));
+    assert_eq!(frames, [false, false, false, true]);
+    step(&mut solver);
+    assert!(!follows(&mut solver, &times(1.0), &fixed) && follows(&mut solver, &times(5.0), &fixed));
+    step(&mut solver);
+    assert!(follows(&mut solver, &times(1.1), &fixed));
+    step(&mut solver);
+    let free = (0..all.len()).find(|node| !fixed[*node] && scene.nodes[*node].z > 0.3).unwrap();
+    for is_fixed in [true, false] {
+        fixed[free] = is_fixed;
+        assert!(follows(&mut solver, &times(1.1), &fixed), "{is_fixed}");
+        step(&mut solver);
     }
 }
