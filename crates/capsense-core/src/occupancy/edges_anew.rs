@@ -72,7 +72,8 @@ impl EdgesAnew {
         self.asked.clear();
     }
 
-    /// What becomes of an edge, if a single thread does it all; else the edge is kept for [`EdgesAnew::find`].
+    /// What becomes of an edge of which [`Sight::link_alone`] does not tell, if a single thread does it all; else the edge is
+    /// kept for [`EdgesAnew::find`].
     #[inline]
     pub(super) fn ask(&mut self, sight: Sight<'_>, asked: Asked) -> Option<Found> {
         if let [room] = &mut self.rooms[..] {
@@ -107,6 +108,15 @@ impl EdgesAnew {
     }
 }
 
+impl Sight<'_> {
+    /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries.
+    #[inline]
+    pub(super) fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {
+        let ends = self.scene.mesh.edges.ends_of_existing(edge);
+        self.wedges.link_alone(edge, ends).map(|coupling| (ends, coupling))
+    }
+}
+
 impl Room {
     /// Applies the edge rule to an edge.
     #[inline]
@@ -116,19 +126,21 @@ impl Room {
         let ends = scene.mesh.edges.ends_of_existing(edge);
         let Self { spans, beside, breaks, contacts, .. } = self;
         if !is_cut_anew {
-            if let Some(coupling) = sight.wedges.link_alone(edge, ends) {
-                return Found { ends, coupling, is_met: false };
-            }
             spans.clear();
             let coupling = self.look_around(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
             return Found { ends, coupling, is_met: false };
         }
-        sight.walls.find_spans(scene, (edge, ends), spans);
-        for contact in scene.contacts(ends, spans) {
-            contacts.push((edge as u32, contact));
-        }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
+        if owners[0] == owners[1] && !is_free && !scene.has_camera_walls {
+            // Nothing on an edge within a conductor matters.
+            let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
+            return Found { ends, coupling, is_met: true };
+        }
+        sight.walls.find_spans(scene, (edge, ends), spans);
+        if scene.is_at_electrode(ends) {
+            contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
+        }
         let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
         if let Some(through) = parallel.flatten() {
             return Found { ends, coupling: Coupling::only_through(through), is_met: true };

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 /// A set of numbers below a bound.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct IndexSet {
     /// One bit for each number.
     words: Vec<u64>,
@@ -13,13 +13,22 @@ pub(super) struct IndexSet {
 
 const BITS: usize = u64::BITS as usize;
 
+/// No words, that which becomes some by a minimum and a maximum.
+const NO_WORDS: Range<usize> = Range { start: usize::MAX, end: 0 };
+
+impl Default for IndexSet {
+    fn default() -> Self {
+        Self::below(0)
+    }
+}
+
 /// No more numbers are visited together.
 pub(super) const RUN: usize = BITS;
 
 impl IndexSet {
     /// An empty set of numbers below a bound.
     pub(super) fn below(bound: usize) -> Self {
-        Self { words: vec![0; bound.div_ceil(BITS)], used: 0..0 }
+        Self { words: vec![0; bound.div_ceil(BITS)], used: NO_WORDS }
     }
 
     #[inline]
@@ -27,6 +36,21 @@ impl IndexSet {
         let word = number / BITS;
         self.words[word] |= 1 << (number % BITS);
         self.use_words(word, word);
+    }
+
+    /// Takes note that numbers of a range may be inserted by [`IndexSet::insert_expected`].
+    pub(super) fn expect(&mut self, numbers: Range<usize>) {
+        let end = numbers.end.min(BITS * self.words.len());
+        if numbers.start < end {
+            self.use_words(numbers.start / BITS, (end - 1) / BITS);
+        }
+    }
+
+    /// Inserts a number of a range that [`IndexSet::expect`] was told, which takes less than to keep account of any.
+    #[inline]
+    pub(super) fn insert_expected(&mut self, number: usize) {
+        debug_assert!(self.used.contains(&(number / BITS)));
+        self.words[number / BITS] |= 1 << (number % BITS);
     }
 
     #[inline]
@@ -59,16 +83,12 @@ impl IndexSet {
 
     #[inline]
     fn use_words(&mut self, first: usize, last: usize) {
-        if self.used.is_empty() {
-            self.used = first..last + 1;
-        } else {
-            self.used = self.used.start.min(first)..self.used.end.max(last + 1);
-        }
+        self.used = self.used.start.min(first)..self.used.end.max(last + 1);
     }
 
     /// Takes all numbers of another set below the same bound, which is left empty.
     pub(super) fn unite(&mut self, other: &mut Self) {
-        let words = std::mem::take(&mut other.used);
+        let words = std::mem::replace(&mut other.used, NO_WORDS);
         if !words.is_empty() {
             self.use_words(words.start, words.end - 1);
             let pairs = self.words[words.clone()].iter_mut().zip(&mut other.words[words]);
@@ -77,8 +97,9 @@ impl IndexSet {
     }
 
     /// Visits all numbers in increasing order and leaves the set empty.
+    #[inline]
     pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
-        for word in std::mem::take(&mut self.used) {
+        for word in std::mem::replace(&mut self.used, NO_WORDS) {
             let bits = std::mem::take(&mut self.words[word]);
             for_bits(bits, |bit| visit(word * BITS + bit));
         }
@@ -86,8 +107,9 @@ impl IndexSet {
 
     /// Visits all numbers in increasing order, those next to each other together, up to [`RUN`] of them, and leaves the set
     /// empty.
+    #[inline]
     pub(super) fn drain_runs(&mut self, mut visit: impl FnMut(Range<usize>)) {
-        for word in std::mem::take(&mut self.used) {
+        for word in std::mem::replace(&mut self.used, NO_WORDS) {
             let mut bits = std::mem::take(&mut self.words[word]);
             while bits != 0 {
                 let from = bits.trailing_zeros();
@@ -102,12 +124,13 @@ impl IndexSet {
 
     /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
     /// is in this one, and leaves both empty.
+    #[inline]
     pub(super) fn drain_with(&mut self, other: &mut Self, mut visit: impl FnMut(usize, bool)) {
         if !other.used.is_empty() {
             self.use_words(other.used.start, other.used.end - 1);
-            other.used = 0..0;
+            other.used = NO_WORDS;
         }
-        for word in std::mem::take(&mut self.used) {
+        for word in std::mem::replace(&mut self.used, NO_WORDS) {
             let own = std::mem::take(&mut self.words[word]);
             let all = own | std::mem::take(&mut other.words[word]);
             for_bits(all, |bit| visit(word * BITS + bit, own >> bit & 1 != 0));
@@ -191,6 +214,9 @@ mod tests {
         set.unite(&mut other);
         assert_eq!(drained(&mut set), [64, 65, 130, 250]);
         assert_eq!(drained(&mut other), []);
+        set.expect(60..500);
+        [130, 60].into_iter().for_each(|number| set.insert_expected(number));
+        assert_eq!(drained(&mut set), [60, 130]);
         for range in [0..1, 5..5, 63..64, 64..128, 60..70, 1..300, 127..257] {
             set.insert_all(range.clone());
             assert_eq!(drained(&mut set), range.collect::<Vec<_>>());

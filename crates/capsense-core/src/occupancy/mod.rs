@@ -324,9 +324,14 @@ impl Occupancy {
         let conductor = std::mem::take(&mut self.conductor);
         let sight = Sight { scene, wedges, walls: &walls, conductor: &conductor };
         anew.start(workers);
+        let looks_at_all = scene.has_weak || scene.has_camera_walls;
         edges.marked().drain_with(&mut around, |edge, is_cut_anew| {
-            let is_looked_at = is_cut_anew || scene.has_weak || scene.has_camera_walls;
-            let is_cut_anew = is_looked_at || self.scratch.is_met[edge];
+            let is_cut_anew = is_cut_anew || looks_at_all || self.scratch.is_met[edge];
+            // What takes less than to keep an edge is done at once.
+            if !is_cut_anew && let Some((ends, coupling)) = sight.link_alone(edge) {
+                links_lost |= self.take_coupling(&conductor, edge, ends, coupling);
+                return;
+            }
             let asked = Asked { edge: edge as u32, is_cut_anew };
             // A single thread takes each edge over as it comes.
             if let Some(found) = anew.ask(sight, asked) {
@@ -348,13 +353,18 @@ impl Occupancy {
     }
 
     /// Takes over what becomes of an edge, and returns whether it had a link and has none now.
-    #[inline]
     fn take_edge(&mut self, conductor: &[u16], asked: Asked, found: Found) -> bool {
         let (edge, Found { ends, coupling, is_met }) = (asked.edge as usize, found);
         if asked.is_cut_anew {
             self.scratch.edge_seen[edge] = self.scratch.frame;
             self.scratch.is_met[edge] = is_met;
         }
+        self.take_coupling(conductor, edge, ends, coupling)
+    }
+
+    /// The same of an edge that surfaces cut as before.
+    #[inline]
+    fn take_coupling(&mut self, conductor: &[u16], edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
         if let Some(unstructured) = &mut self.unstructured {
             let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
             unstructured.take(HeldEdge::of(edge, ends, conductor), ends, is_moved, coupling);

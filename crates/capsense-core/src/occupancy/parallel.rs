@@ -17,11 +17,11 @@
 //! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
 use super::coupling::EdgeRule;
+use super::scene::is_electrode;
 use super::{NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
-use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -167,7 +167,6 @@ impl Scene<'_> {
 
     /// Whether an edge leads along an electrode or away from its rim; `None` if there is no such edge.
     fn is_beside_electrode(&self, edge: usize) -> Option<bool> {
-        let is_electrode = |terminal: Terminal| terminal != FREE && terminal != GROUND;
         let ends = self.mesh.edges.ends(edge)?;
         let is_at_one = ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]));
         Some(is_at_one && edge % 3 != ELECTRODE_NORMAL)

@@ -46,10 +46,12 @@ impl Scene<'_> {
     }
 
     /// Collects the objects that an edge passes through, in the order in which they are listed.
+    #[inline]
     pub(super) fn find_spans(&self, ends: [u32; 2], spans: &mut Vec<(u16, Span)>) {
         self.find_spans_between(ends.map(|node| self.mesh.nodes[node as usize]), spans);
     }
 
+    #[inline]
     pub(super) fn find_spans_between(&self, [a, b]: [DVec3; 2], spans: &mut Vec<(u16, Span)>) {
         let around = Aabb { min: a.min(b), max: a.max(b) };
         spans.clear();
@@ -63,12 +65,17 @@ impl Scene<'_> {
     }
 
     /// The part of a segment that is in an object.
-    #[inline]
-    fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
+    #[inline(always)]
+    pub(super) fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         match self.fields[object].of_box() {
             Some((angles, half)) => angles.span_in_box(half, a, b),
             None => self.surfaces.span(object, a, b),
         }
+    }
+
+    /// Whether an end of an edge is on an electrode.
+    pub(super) fn is_at_electrode(&self, ends: [u32; 2]) -> bool {
+        ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]))
     }
 
     /// Electrodes at the ends of an edge with the conductors that touch them there.
@@ -78,15 +85,18 @@ impl Scene<'_> {
         spans: &'b [(u16, Span)],
     ) -> impl Iterator<Item = Contact> + 'b {
         let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
-        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
         let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         touching.flat_map(move |&(object, span)| {
             let touched = terminals.into_iter().zip(touches(span));
-            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
+            let electrodes = touched.filter(move |&(terminal, touched)| touched && is_electrode(terminal));
             electrodes.map(move |(terminal, _)| Contact {
                 object: usize::from(object),
                 electrode: usize::from(terminal) - 1,
             })
         })
     }
+}
+
+pub(super) fn is_electrode(terminal: Terminal) -> bool {
+    terminal != FREE && terminal != GROUND
 }

@@ -24,6 +24,7 @@ use super::coupling::{EdgeRule, SMALLEST_PART};
 use super::near_field::{Star, larger, smaller, span_in_box};
 use super::{Coupling, Frame, NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
+use crate::workers::vectorised;
 use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
@@ -133,6 +134,7 @@ impl Tube {
     }
 
     /// All from where a conductor reaches the box.
+    #[inline(always)]
     fn bounds(&self) -> Aabb {
         let (mut min, mut max) = (self.from, self.to);
         for Across { axis, widths, fringe } in self.across {
@@ -143,7 +145,7 @@ impl Tube {
     }
 
     /// The same in the frame of an object.
-    #[inline]
+    #[inline(always)]
     fn in_frame<B: Body>(&self, body: B, frame: &Frame) -> Framed<'_, B> {
         let Self { from, length, across, .. } = self;
         let [first, second] = across.each_ref().map(|across| frame.object_from_sensor.col(across.axis));
@@ -154,6 +156,7 @@ impl Tube {
 
     /// What a conductor beside the edge makes of one end of it. `gaps` are the parts of the edge between this end and the
     /// conductor, and between that and the other end; `away` is how far the wall is, in parts of the box's width on that side.
+    #[inline(always)]
     fn link_beside(&self, gaps: [f64; 2], distance: f64, away: f64) -> EndBeside {
         let over = |along: f64| {
             let along = along * self.length;
@@ -175,12 +178,14 @@ impl Tube {
 
 impl<B: Body> Framed<'_, B> {
     /// A point of a span of the edge.
+    #[inline(always)]
     fn point_in(&self, span: Span, part: f64) -> DVec3 {
         self.from + (span.enter + part * (span.exit - span.enter)) * self.way
     }
 
     /// From the edge to the middle of a side of its box, that below (0) or above (1) along one of the axes across it; `None` at
     /// the wall.
+    #[inline(always)]
     fn side(&self, across: usize, number: usize) -> Option<DVec3> {
         let width = self.tube.across[across].widths[number];
         let side = if number == 0 { -width } else { width } * self.across[across];
@@ -188,6 +193,7 @@ impl<B: Body> Framed<'_, B> {
     }
 
     /// The part of a box around an edge that meets the conductor which the edge meets.
+    #[inline(always)]
     fn part_covered(&self, span: Span) -> f64 {
         let mut least = 1.0_f64;
         for (number, across) in self.tube.across.iter().enumerate() {
@@ -207,13 +213,14 @@ impl<B: Body> Framed<'_, B> {
     }
 
     /// How much of a ray a conductor fills.
-    #[inline]
+    #[inline(always)]
     fn width_across(&self, from: DVec3, ray: DVec3) -> f64 {
         self.body.span(from, ray).map_or(0.0, |span| span.exit - span.enter)
     }
 
     /// Whether the face of a conductor ends at a wall along the edge: one if the conductor is as wide close to the face as
     /// in the `middle` of what the edge meets of it, zero if it is half as wide.
+    #[inline(always)]
     fn abruptness(&self, span: Span, ray: DVec3, middle: f64) -> f64 {
         let mut narrowest = middle;
         for (is_face, part) in [(span.enter > 0.0, 0.1), (span.exit < 1.0, 0.9)] {
@@ -225,6 +232,7 @@ impl<B: Body> Framed<'_, B> {
     }
 
     /// What the conductor beside the edge makes of it.
+    #[inline(always)]
     fn beside(&self) -> Beside {
         let mut most = Beside::default();
         for across in 0..2 {
@@ -240,6 +248,7 @@ impl<B: Body> Framed<'_, B> {
         most
     }
 
+    #[inline(always)]
     fn beside_towards(&self, number: usize, side: usize) -> Beside {
         let (tube, across) = (self.tube, &self.tube.across[number]);
         let Some(ray) = self.side(number, side) else { return Beside::default() };
@@ -270,6 +279,7 @@ impl<B: Body> Framed<'_, B> {
     /// What a conductor fills of the box between an edge and a side of it: the part along the edge, and across it, and how
     /// much it fills of a ray in the middle of the former. One that is too thin to reach the side is found where it passes
     /// an end of the edge.
+    #[inline(always)]
     fn probe(&self, ray: DVec3) -> Option<(Span, Span, f64)> {
         let &Framed { ref body, from, way, .. } = self;
         if let Some(along) = body.span(from + ray, way) {
@@ -286,6 +296,7 @@ impl<B: Body> Framed<'_, B> {
 }
 
 impl Across {
+    #[inline(always)]
     fn width(&self) -> f64 {
         self.widths[0] + self.widths[1]
     }
@@ -293,6 +304,7 @@ impl Across {
 
 impl Scene<'_> {
     /// Whether an object has an edge in a box.
+    #[inline(always)]
     pub(super) fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
         match self.fields[object].of_box() {
             Some((angles, half)) => angles.has_edge_of_box_in(half, bounds),
@@ -315,6 +327,22 @@ impl Scene<'_> {
         if owners.iter().all(|&owner| owner != NO_OBJECT) {
             return cut;
         }
+        vectorised(
+            #[inline(always)]
+            || self.in_tube((edge, star), owners, on_edge, others, breaks, cut),
+        )
+    }
+
+    #[inline(always)]
+    fn in_tube(
+        &self,
+        (edge, star): (usize, &Star<'_>),
+        owners: [u16; 2],
+        on_edge: &[(u16, Span)],
+        others: &mut Vec<(u16, Span)>,
+        breaks: &mut Vec<f64>,
+        cut: Coupling,
+    ) -> Coupling {
         let Some(tube) = Tube::of(star, edge % 3) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {
@@ -336,6 +364,7 @@ impl Scene<'_> {
     }
 
     /// The part of a box around an edge that meets the conductor which the edge meets.
+    #[inline(always)]
     fn part_covered(&self, tube: &Tube, object: usize, span: Span) -> f64 {
         match self.fields[object].of_box() {
             Some((angles, half)) => tube.in_frame(BoxBody(half), &angles.frame()).part_covered(span),
@@ -348,6 +377,7 @@ impl Scene<'_> {
     }
 
     /// What conductors beside an edge that meets no object make of it.
+    #[inline(always)]
     fn beside(&self, tube: &Tube, plain: Coupling) -> Coupling {
         let bounds = tube.bounds();
         let mut near = (0..self.bounds.len())

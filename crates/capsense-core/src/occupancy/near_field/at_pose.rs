@@ -33,14 +33,13 @@ impl RightAngles {
     }
 
     /// The part of a segment of the sensor frame that is in a box of such half edge lengths at this pose.
-    #[inline]
+    #[inline(always)]
     pub(in super::super) fn span_in_box(&self, half: DVec3, a: DVec3, b: DVec3) -> Option<Span> {
         let local = |point: DVec3| self.object_from_sensor * (point - self.sensor_from_object.translation);
         span_in_box(half, local(a), local(b))
     }
 
     /// Whether an edge of the solid is in a box of the sensor frame; `None` where its edges are round.
-    #[inline]
     pub fn has_straight_edge_in(&self, bounds: &Aabb) -> Option<bool> {
         match self.solid {
             RightAngled::Box(half) => Some(self.has_edge_of_box_in(half, bounds)),
@@ -48,7 +47,7 @@ impl RightAngles {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     pub(in super::super) fn has_edge_of_box_in(&self, size: DVec3, bounds: &Aabb) -> bool {
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
         let turn = &self.object_from_sensor;
@@ -61,23 +60,41 @@ impl RightAngles {
         if faces & (faces - u32::from(faces != 0)) == 0 || !(centre.abs() - size).cmple(reach).all() {
             return false;
         }
-        let is_met = |axis: usize, at_high: u32| {
-            let sign = |axis: u32| if at_high >> axis & 1 == 0 { -1.0 } else { 1.0 };
-            let mut place = size * DVec3::new(sign(0), sign(1), sign(2));
-            place[axis] = 0.0;
-            let from_middle = self.sensor_from_object.transform_point3(place) - middle;
-            is_segment_in(from_middle, size[axis] * self.sensor_from_object.matrix3.col(axis), half)
-        };
         if low & high == 0 && faces != 7 {
             // That of the only two faces: the most frequent case.
-            return is_met((!faces & 7).trailing_zeros() as usize, high);
+            return self.is_edge_of_box_in(
+                size,
+                (!faces & 7).trailing_zeros() as usize,
+                high,
+                [middle, half],
+            );
         }
-        (0..3).any(|axis| {
-            let across = 7 & !(1 << axis);
-            let mut corners = (0..8).filter(|at_high| at_high >> axis & 1 == 0);
-            corners
-                .any(|at_high| (high & at_high | low & !at_high) & across == across && is_met(axis, at_high))
-        })
+        let sides = [low, high];
+        for axis in 0..3 {
+            let [first, second] = [(axis + 1) % 3, (axis + 2) % 3];
+            for corner in 0..4 {
+                let [at_first, at_second] = [corner & 1, corner >> 1];
+                if sides[at_first] >> first & sides[at_second] >> second & 1 == 0 {
+                    continue;
+                }
+                let at_high = (at_first << first | at_second << second) as u32;
+                if self.is_edge_of_box_in(size, axis, at_high, [middle, half]) {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Whether the edge of the solid along an axis that is at the high ends of some of the other axes is in a box, given by its
+    /// middle and half its size.
+    #[inline(always)]
+    fn is_edge_of_box_in(&self, size: DVec3, axis: usize, at_high: u32, [middle, half]: [DVec3; 2]) -> bool {
+        let sign = |axis: u32| if at_high >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        let mut place = size * DVec3::new(sign(0), sign(1), sign(2));
+        place[axis] = 0.0;
+        let from_middle = self.sensor_from_object.transform_point3(place) - middle;
+        is_segment_in(from_middle, size[axis] * self.sensor_from_object.matrix3.col(axis), half)
     }
 }
 

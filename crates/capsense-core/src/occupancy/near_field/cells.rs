@@ -63,7 +63,7 @@ pub(super) struct CellArrays {
 }
 
 /// So many nodes of a row are looked at together. Arrays go on for as many planes behind the last, which are as that one.
-pub(super) const TOGETHER: usize = 8;
+pub(super) const TOGETHER: usize = 4;
 
 impl CellArrays {
     pub(super) fn of(planes: &[Plane]) -> Self {
@@ -156,19 +156,25 @@ pub(super) struct RowCells<'a> {
 }
 
 impl<'a> RowCells<'a> {
-    /// Along x, group by group.
+    /// How many groups there are along x.
     #[inline(always)]
-    pub(super) fn groups(&self) -> impl Iterator<Item = CellGroup<'a>> {
-        let x = self.x;
-        let sides = |groups: [&'a [Group]; 2], group: usize| [&groups[0][group], &groups[1][group]];
-        (0..x.at.len()).map(move |group| CellGroup {
+    pub(super) fn groups(&self) -> usize {
+        self.x.at.len()
+    }
+
+    /// Along x, one of the groups.
+    #[inline(always)]
+    pub(super) fn group(&self, group: usize) -> CellGroup<'a> {
+        let x = &self.x;
+        let sides = |groups: [&'a [Group]; 2]| [&groups[0][group], &groups[1][group]];
+        CellGroup {
             at: &x.at[group],
             narrowest: &x.narrowest[group],
             width: &x.width[group],
             skew: &x.skew[group],
-            first: sides(x.first, group),
-            per_first: sides(x.per_first, group),
-            per_second: sides(x.per_second, group),
-        })
+            first: sides(x.first),
+            per_first: sides(x.per_first),
+            per_second: sides(x.per_second),
+        }
     }
 }

@@ -36,7 +36,7 @@ impl Look<'_> {
     /// Whether an object is between two nodes.
     pub(super) fn is_between(&self, object: u16, node: usize, other: usize) -> bool {
         let [from, to] = [node, other].map(|node| self.scene.mesh.nodes[node]);
-        self.scene.surfaces.span(object.into(), from, to).is_some()
+        self.scene.span(object.into(), from, to).is_some()
     }
 
     /// What a node makes of a round surface.

@@ -20,6 +20,7 @@ mod angles;
 mod at_pose;
 mod between;
 mod cells;
+mod changed;
 mod field;
 mod link;
 mod look;
@@ -50,8 +51,8 @@ use link::{LinkBatch, Unlinked};
 use look::Look;
 use row::{FindNearest, NearestEdges};
 pub(super) use row::{larger, smaller};
-use star::Stars;
 pub(super) use star::{Row, Star};
+use star::{Stars, StarsInRow};
 use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
@@ -146,6 +147,8 @@ pub(super) struct Wedges {
     nodes: IndexSet,
     /// What the nodes at hand make of each object, if it is a box.
     nearest: Vec<NearestEdges>,
+    /// All nodes that the last update looked at are among these.
+    looked_at: Range<usize>,
     /// Nodes whose links changed.
     relinked: Vec<u32>,
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
@@ -158,6 +161,7 @@ impl Wedges {
     pub(super) fn update(&mut self, scene: &Scene<'_>, regions: &[Aabb], conductors: &[u16]) {
         self.relinked.clear();
         self.around.clear();
+        self.looked_at = 0..0;
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
@@ -186,6 +190,8 @@ impl Wedges {
         let mut batch = LinkBatch::EMPTY;
         let look = Look { scene, stars: &stars, conductors };
         nodes.drain_runs(|mut run| {
+            let first = if self.looked_at.is_empty() { run.start } else { self.looked_at.start };
+            self.looked_at = first..run.end;
             while !run.is_empty() {
                 run.start = self.look_at_row(&look, run.clone(), &mut row, &mut nearest, &mut batch);
             }
@@ -207,8 +213,8 @@ impl Wedges {
         let Look { scene, stars, conductors } = *look;
         let row = stars.in_row(nodes, row);
         scene.find_nearest_edges(&row.cells(), nearest);
-        let may_be_beside = (0..scene.bounds.len())
-            .any(|object| scene.is_conductor(object) && row.reach(&scene.bounds[object]));
+        let may_be_beside = scene.may_be_beside(&row, nearest);
+        let is_one_box = scene.is_one_box();
         for (number, star) in row.each().enumerate() {
             let node = star.node;
             if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
@@ -217,10 +223,19 @@ impl Wedges {
                 }
                 continue;
             }
-            let is_beside = || may_be_beside && scene.is_beside(&star, number, nearest);
-            let found = scene.nearest_in_row(&star, number, nearest).filter(|_| scene.takes_link(&star));
+            let is_beside = || may_be_beside >> number & 1 != 0 && scene.is_beside(&star, number, nearest);
+            let found = if is_one_box {
+                let share = nearest[0].share(number);
+                (share > 0.0).then_some(((0, share), None))
+            } else {
+                scene.nearest_in_row(&star, number, nearest)
+            };
+            let found = found.filter(|_| scene.takes_link(&star));
             let Some(((object, share), near)) = found else {
-                self.settle(node, star.sides(), AtWedge { is_beside: is_beside(), ..AtWedge::NONE });
+                let is_beside = is_beside();
+                if is_beside || self.at[node] != AtWedge::NONE {
+                    self.settle(node, star.sides(), AtWedge { is_beside, ..AtWedge::NONE });
+                }
                 continue;
             };
             match near {
@@ -270,51 +285,6 @@ impl Wedges {
         }
     }
 
-    /// Adds the edges that the last update may have changed, whose ends' `conductors` are known, and which of them were plain.
-    pub(super) fn add_changed_edges(
-        &self,
-        edges: &Edges,
-        conductors: &[u16],
-        is_plain: &[bool],
-        changed: &mut IndexSet,
-    ) {
-        let Edges::Lattice(lattice) = edges else { return };
-        for &node in &self.relinked {
-            changed.insert(3 * node as usize + CARRIER);
-        }
-        let strides = lattice.strides();
-        for &(node, sides) in &self.around {
-            let node = node as usize;
-            // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
-            let may_be_beside = self.at[node].may_be_beside(conductors[node]);
-            if !may_be_beside {
-                for (axis, stride) in strides.into_iter().enumerate() {
-                    // Edges that do not exist are plain.
-                    let below = (3 * node + axis).wrapping_sub(3 * stride);
-                    for edge in [below, 3 * node + axis] {
-                        if is_plain.get(edge) == Some(&false) {
-                            changed.insert(edge);
-                        }
-                    }
-                }
-                continue;
-            }
-            let is_changed = |edge: usize, other: usize| {
-                !is_plain[edge]
-                    || self.may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
-            };
-            for (axis, stride) in strides.into_iter().enumerate() {
-                let sides = sides >> (2 * axis);
-                if sides & 1 != 0 && is_changed(3 * (node - stride) + axis, node - stride) {
-                    changed.insert(3 * (node - stride) + axis);
-                }
-                if sides & 2 != 0 && is_changed(3 * node + axis, node + stride) {
-                    changed.insert(3 * node + axis);
-                }
-            }
-        }
-    }
-
     /// What is around a node of a lattice, of which [`Wedges::may_be_beside`] says that something is, best in the row of the
     /// one before.
     pub(super) fn star(&self, node: usize, row: &mut Row) -> Star<'_> {
@@ -360,15 +330,31 @@ impl Wedges {
 }
 
 impl Scene<'_> {
-    /// Whether a conductor has an edge among the cells around a node of a piece of a row, of which it is known what boxes are
-    /// near.
+    /// Around which nodes of a piece of a row, of which it is known what boxes are near, a conductor may have an edge among the
+    /// cells: a bit for each.
+    fn may_be_beside(&self, row: &StarsInRow<'_>, nearest: &[NearestEdges]) -> u64 {
+        let of_object = |object: usize| match self.fields[object].of_box() {
+            Some(_) => nearest[object].may_be_beside(),
+            None => u64::MAX,
+        };
+        let is_near = |object: &usize| self.is_conductor(*object) && row.reach(&self.bounds[*object]);
+        (0..self.bounds.len()).filter(is_near).fold(0, |nodes, object| nodes | of_object(object))
+    }
+
+    /// Whether a conductor has an edge among the cells around a node of such a piece.
+    #[inline(never)]
     fn is_beside(&self, star: &Star<'_>, number: usize, nearest: &[NearestEdges]) -> bool {
         (0..self.bounds.len()).any(|object| {
             let is_box = self.fields[object].of_box().is_some();
             self.is_conductor(object)
-                && (!is_box || nearest[object].may_be_beside(number))
+                && (!is_box || nearest[object].may_be_beside() >> number & 1 != 0)
                 && self.has_edge_in(object, &star.bounds())
         })
+    }
+
+    /// Whether there is nothing but a box that is a conductor: the most frequent case.
+    fn is_one_box(&self) -> bool {
+        self.fields.len() == 1 && self.fields[0].of_box().is_some() && self.is_conductor(0)
     }
 
     /// Finds the nearest edges of all boxes that are conductors for a piece of a row.
@@ -459,10 +445,6 @@ impl Scene<'_> {
         nearest: &[NearestEdges],
     ) -> Option<((usize, f64), Option<Near>)> {
         let is_box = |object: usize| self.fields[object].of_box().is_some();
-        if self.fields.len() == 1 && is_box(0) && self.is_conductor(0) {
-            let share = nearest[0].share(number);
-            return (share > 0.0).then_some(((0, share), None));
-        }
         let mut near = None;
         let found = self.nearest(star.node, star, |object| {
             if is_box(object) {

@@ -20,8 +20,8 @@ pub(super) struct NearestEdges {
     /// How far the node is before either of its faces.
     before: [[f64; RUN]; 2],
     share: [f64; RUN],
-    /// One where an edge may be among the cells around the node, otherwise zero.
-    may_be_beside: [f64; RUN],
+    /// A bit for each node: whether an edge may be among the cells around it.
+    may_be_beside: u64,
 }
 
 impl NearestEdges {
@@ -30,7 +30,7 @@ impl NearestEdges {
         edge: [0.0; RUN],
         before: [[0.0; RUN]; 2],
         share: [0.0; RUN],
-        may_be_beside: [0.0; RUN],
+        may_be_beside: 0,
     };
 
     /// Takes the box whose edges are looked for from now on.
@@ -41,7 +41,7 @@ impl NearestEdges {
     /// Of no node is any edge near.
     pub(super) fn clear(&mut self) {
         self.share.fill(0.0);
-        self.may_be_beside.fill(0.0);
+        self.may_be_beside = 0;
     }
 
     /// The share of the edge that is nearest to a node.
@@ -50,10 +50,10 @@ impl NearestEdges {
         self.share[node]
     }
 
-    /// Whether an edge may be among the cells around a node.
+    /// Around which nodes an edge may be among the cells: a bit for each, and any for those behind the last.
     #[inline]
-    pub(super) fn may_be_beside(&self, node: usize) -> bool {
-        self.may_be_beside[node] != 0.0
+    pub(super) fn may_be_beside(&self) -> u64 {
+        self.may_be_beside
     }
 
     /// The edge that is nearest to a node, and how far the node is before either face.
@@ -146,9 +146,12 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
         let middle = start + turn.y_axis * (0.5 * y.skew) + turn.z_axis * (0.5 * z.skew);
         let (turn_x, turn_y, turn_z) = (turn.x_axis, turn.y_axis, turn.z_axis);
         let along = turn.x_axis.abs();
-        for (group, x) in row.groups().enumerate() {
+        nearest.may_be_beside = 0;
+        for group in 0..row.groups() {
+            let x = row.group(group);
             let nodes = group * TOGETHER..(group + 1) * TOGETHER;
-            let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 4]);
+            let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 3]);
+            let mut may_be_beside = 0;
             for node in 0..TOGETHER {
                 let x = x.at(node);
                 let way = x.at - origin.x;
@@ -214,14 +217,14 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
                 found[0][node] = before[0];
                 found[1][node] = before[1];
                 found[2][node] = part * larger(smaller(inside / length, 1.0), 0.0);
-                found[3][node] = either(is_beside, 1.0, 0.0);
+                may_be_beside |= u64::from(is_beside) << node;
             }
-            let [first, second, share, may_be_beside] = found;
+            let [first, second, share] = found;
             nearest.edge[nodes.clone()].copy_from_slice(&edge);
             nearest.before[0][nodes.clone()].copy_from_slice(&first);
             nearest.before[1][nodes.clone()].copy_from_slice(&second);
-            nearest.share[nodes.clone()].copy_from_slice(&share);
-            nearest.may_be_beside[nodes].copy_from_slice(&may_be_beside);
+            nearest.may_be_beside |= may_be_beside << nodes.start;
+            nearest.share[nodes].copy_from_slice(&share);
         }
     }
 }
@@ -283,9 +286,10 @@ mod tests {
                     let share = share_of(&star, &expected);
                     assert!((nearest.share(number) - share).abs() < 1e-12, "{next} {number} {share}");
                     let is_beside = angles.has_edge_of_box_in(half, &star.bounds());
-                    assert!(nearest.may_be_beside(number) || !is_beside, "{next} {number}");
+                    let may_be_beside = nearest.may_be_beside() >> number & 1 != 0;
+                    assert!(may_be_beside || !is_beside, "{next} {number}");
                     beside += usize::from(is_beside);
-                    told += usize::from(nearest.may_be_beside(number));
+                    told += usize::from(may_be_beside);
                     if share > 0.0 {
                         near += 1;
                         let (edge, before) = nearest.edge(number);

@@ -98,6 +98,8 @@ pub(in super::super) struct Stars {
     along_x: CellArrays,
     /// The cells beside the planes across y and z.
     across: [Vec<PlaneCells>; 2],
+    /// By how much the numbers of nodes grow along each axis.
+    strides: [usize; 3],
 }
 
 /// The row of nodes that was asked for last.
@@ -117,7 +119,7 @@ impl Stars {
         });
         let along_x = CellArrays::of(&planes[0]);
         let across = [1, 2].map(|axis: usize| planes[axis].iter().map(PlaneCells::of).collect());
-        Self { planes, along_x, across }
+        Self { planes, along_x, across, strides }
     }
 
     /// Those of some nodes that are in the row of the first.
@@ -137,7 +139,8 @@ impl Stars {
 
     /// The number of a neighbour that a node has.
     pub(super) fn neighbour_of(&self, node: usize, number: usize) -> usize {
-        self.at(node, &mut Row::default()).step(number / 2, number % 2).0
+        let stride = self.strides[number / 2];
+        if number.is_multiple_of(2) { node - stride } else { node + stride }
     }
 
     /// Notes the row of a node.

@@ -1,0 +1,54 @@
+//! Which edges of a lattice nodes near edges of conductors have changed.
+
+use super::{CARRIER, Wedges};
+use crate::mesh::Edges;
+use crate::occupancy::index_set::IndexSet;
+
+impl Wedges {
+    /// Adds the edges that the last update may have changed, whose ends' `conductors` are known, and which of them were plain.
+    pub(in super::super) fn add_changed_edges(
+        &self,
+        edges: &Edges,
+        conductors: &[u16],
+        is_plain: &[bool],
+        changed: &mut IndexSet,
+    ) {
+        let Edges::Lattice(lattice) = edges else { return };
+        let strides = lattice.strides();
+        // Edges below a node have the number of the node at their other end.
+        changed.expect(3 * self.looked_at.start.saturating_sub(strides[2])..3 * self.looked_at.end);
+        for &node in &self.relinked {
+            changed.insert_expected(3 * node as usize + CARRIER);
+        }
+        for &(node, sides) in &self.around {
+            let node = node as usize;
+            // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
+            let may_be_beside = self.at[node].may_be_beside(conductors[node]);
+            if !may_be_beside {
+                for (axis, stride) in strides.into_iter().enumerate() {
+                    // Edges that do not exist are plain.
+                    let below = (3 * node + axis).wrapping_sub(3 * stride);
+                    for edge in [below, 3 * node + axis] {
+                        if is_plain.get(edge) == Some(&false) {
+                            changed.insert_expected(edge);
+                        }
+                    }
+                }
+                continue;
+            }
+            let is_changed = |edge: usize, other: usize| {
+                !is_plain[edge]
+                    || self.may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
+            };
+            for (axis, stride) in strides.into_iter().enumerate() {
+                let sides = sides >> (2 * axis);
+                if sides & 1 != 0 && is_changed(3 * (node - stride) + axis, node - stride) {
+                    changed.insert_expected(3 * (node - stride) + axis);
+                }
+                if sides & 2 != 0 && is_changed(3 * node + axis, node + stride) {
+                    changed.insert_expected(3 * node + axis);
+                }
+            }
+        }
+    }
+}
