@@ -132,8 +132,9 @@ impl Room {
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
-        if owners[0] == owners[1] && !is_free && !scene.has_camera_walls {
-            // Nothing on an edge within a conductor matters.
+        let is_alone = scene.bounds.len() == 1 && !scene.has_camera_walls;
+        if is_alone && !is_free && owners[0] == owners[1] {
+            // Nothing on an edge within a conductor matters, where no other body can be in a gap of it.
             let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
             return Found { ends, coupling, is_met: true };
         }
