@@ -124,8 +124,8 @@ impl Room {
             return Found { ends, coupling, is_met: false };
         }
         sight.walls.find_spans(scene, (edge, ends), spans);
-        for contact in scene.contacts(ends, spans) {
-            contacts.push((edge as u32, contact));
+        if !spans.is_empty() && scene.is_at_electrode(ends) {
+            contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];

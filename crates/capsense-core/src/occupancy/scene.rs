@@ -71,6 +71,12 @@ impl Scene<'_> {
         }
     }
 
+    /// Whether an end of an edge is of an electrode.
+    #[inline]
+    pub(super) fn is_at_electrode(&self, ends: [u32; 2]) -> bool {
+        ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]))
+    }
+
     /// Electrodes at the ends of an edge with the conductors that touch them there.
     pub(super) fn contacts<'b>(
         &'b self,
@@ -78,15 +84,18 @@ impl Scene<'_> {
         spans: &'b [(u16, Span)],
     ) -> impl Iterator<Item = Contact> + 'b {
         let terminals = ends.map(|node| self.mesh.terminals[node as usize]);
-        let of_electrode = move |terminal: Terminal| terminal != FREE && terminal != GROUND;
         let touching = spans.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         touching.flat_map(move |&(object, span)| {
             let touched = terminals.into_iter().zip(touches(span));
-            let electrodes = touched.filter(move |&(terminal, touched)| touched && of_electrode(terminal));
+            let electrodes = touched.filter(move |&(terminal, touched)| touched && is_electrode(terminal));
             electrodes.map(move |(terminal, _)| Contact {
                 object: usize::from(object),
                 electrode: usize::from(terminal) - 1,
             })
         })
     }
+}
+
+fn is_electrode(terminal: Terminal) -> bool {
+    terminal != FREE && terminal != GROUND
 }

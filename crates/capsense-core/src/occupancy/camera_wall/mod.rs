@@ -27,11 +27,10 @@ mod layers;
 
 use super::coupling::SMALLEST_PART;
 use super::index_set::IndexSet;
-use super::parallel::{is_weak, up_to_planes};
+use super::parallel::is_weak;
 use super::{Coupling, NO_OBJECT, Scene, Span, Surfaces};
-use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Edges, Lattice};
+use crate::mesh::{Edges, Lattice, Planes};
 use crate::sensor::FREE;
 use crate::workers::Workers;
 use beside::BesideWall;
@@ -70,12 +69,13 @@ impl CameraWalls {
         Self { known: IndexSet::below(edges), near: IndexSet::below(nodes), ..Self::default() }
     }
 
-    /// Moves to the next frame, in which answers differ in some boxes, and visits the edges that other walls leave something else of.
+    /// Moves to the next frame, in which answers differ in boxes that some planes touch, and visits the edges that other walls leave
+    /// something else of.
     pub(super) fn update(
         &mut self,
         workers: &Workers,
         scene: &Scene<'_>,
-        regions: &[Aabb],
+        regions: &[Planes],
         mut visit: impl FnMut(usize),
     ) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
@@ -87,7 +87,7 @@ impl CameraWalls {
             return;
         }
         self.layers.update(scene, lattice, regions);
-        self.ask(scene, lattice, regions, &mut visit);
+        self.ask(lattice, regions, &mut visit);
         let Self { of_edges, known, asked, found, .. } = self;
         found.resize(asked.len(), None);
         let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
@@ -117,11 +117,12 @@ impl CameraWalls {
     }
 
     /// Collects the edges whose dual faces touch some boxes and that a body ends at, and forgets the others there.
-    fn ask(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Aabb], visit: &mut impl FnMut(usize)) {
+    fn ask(&mut self, lattice: &Lattice, regions: &[Planes], visit: &mut impl FnMut(usize)) {
         let Self { of_edges, known, layers, near, asked, .. } = self;
-        for region in regions {
-            let around = up_to_planes(scene.mesh.edges, region, RAYS..RAYS + 1);
-            lattice.for_rows_within(&with_planes_before(lattice, &around), |nodes| near.insert_all(nodes));
+        for planes in regions {
+            // Of edges across the rays that touch a box, the first ends are before it.
+            let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
+            lattice.for_rows_of(&starts, |nodes| near.insert_all(nodes));
         }
         asked.clear();
         let (strides, counts) = (lattice.strides(), lattice.node_counts());
@@ -288,14 +289,4 @@ fn for_edges_of(lattice: &Lattice, edge: usize, wall: &BesideWall, visit: &mut i
         let below = node.checked_sub(lattice.strides()[RAYS]);
         [Some(node), below].into_iter().flatten().for_each(|start| visit(3 * start + RAYS));
     }
-}
-
-/// A box with the planes before it across the rays: of all edges that touch it, the first ends are in there.
-fn with_planes_before(lattice: &Lattice, around: &Aabb) -> Aabb {
-    let mut grown = *around;
-    for (axis, planes) in lattice.axes()[..RAYS].iter().enumerate() {
-        let inside = planes.partition_point(|&plane| plane < around.min[axis]);
-        grown.min[axis] = around.min[axis].min(planes[inside.saturating_sub(1)]);
-    }
-    grown
 }
