@@ -234,3 +234,20 @@ pub(crate) fn for_lattice_edges(lattice: &Lattice, nodes: &Planes, mut visit: im
         }
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_that_touch_a_box_and_the_next_ones() {
+        let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
+        let lattice = Lattice::new(axes).unwrap();
+        let region = Aabb { min: DVec3::new(1.0, 2.5, -2.0), max: DVec3::new(1.0, 2.6, 9.0) };
+        let planes = lattice.planes_within(&region);
+        assert_eq!(planes, [1..2, 2..2, 0..3]);
+        assert_eq!(lattice.up_to_next(&planes, [true; 3], [true; 3]), [0..3, 1..3, 0..3]);
+        assert_eq!(lattice.up_to_next(&planes, [true; 3], [false; 3]), [0..2, 1..2, 0..3]);
+    }
+}

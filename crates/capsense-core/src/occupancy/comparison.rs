@@ -5,14 +5,12 @@
 //! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
 
 use super::crossing::{NOWHERE, hull, larger, smaller};
+use super::pixel_row::{LANES, first_where, lanes, last_where};
 use super::{DepthLayers, Regions};
 use crate::workers::vectorised;
 use std::ops::Range;
 
-/// Pixels that are looked at together.
-const LANES: usize = 8;
-
-/// The same with those beside the first and the last.
+/// Pixels that are looked at together, with those beside the first and the last.
 const WITH_BESIDE: usize = LANES + 2;
 
 /// Boxes this long, in mean spacings of the mesh, are small enough, and depths in them may differ by so much.
@@ -210,8 +208,9 @@ impl Difference {
         let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
         for (differing, (before, now)) in self.rows.iter_mut().zip(rows) {
             *differing = [width, 0];
-            if let Some(first) = first_differing(before, now) {
-                let last = differing_bits(before, now).rposition(|bits| bits != 0);
+            let differ = |a: f32, b: f32| a.to_bits() != b.to_bits();
+            if let Some(first) = first_where(before, now, differ) {
+                let last = last_where(before, now, differ);
                 *differing = [first, last.map_or(0, |last| last + 1)];
             }
         }
@@ -259,30 +258,6 @@ impl Difference {
     }
 }
 
-/// The bits in which depths differ.
-#[inline(always)]
-fn differing_bits(before: &[f32], now: &[f32]) -> impl ExactSizeIterator<Item = u32> + DoubleEndedIterator {
-    before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits())
-}
-
-/// The first pixel in which depths differ.
-#[inline(always)]
-fn first_differing(before: &[f32], now: &[f32]) -> Option<usize> {
-    let (blocks, _) = before.as_chunks::<LANES>();
-    let (others, _) = now.as_chunks::<LANES>();
-    // A block at a time: most rows are the same.
-    let is_same = |(a, b): (&[f32; LANES], &[f32; LANES])| {
-        let mut all = 0;
-        for i in 0..LANES {
-            all |= a[i].to_bits() ^ b[i].to_bits();
-        }
-        all == 0
-    };
-    let same = LANES * blocks.iter().zip(others).take_while(|(a, b)| is_same((*a, *b))).count();
-    let found = differing_bits(&before[same..], &now[same..]).position(|bits| bits != 0);
-    found.map(|found| same + found)
-}
-
 /// Depths between which answers may differ in successive pixels, from the lowest to the highest; [`NOWHERE`] in those in
 /// which none does.
 struct Depths {
@@ -309,11 +284,7 @@ impl Strip<'_> {
         let [of_front, of_back] =
             [self.differences[FRONT].upright.around(column), self.differences[BACK].upright.around(column)];
         let bits = [of_front.bits, of_back.bits];
-        let mut all = 0;
-        for i in 0..LANES {
-            all |= bits[FRONT][i] | bits[BACK][i];
-        }
-        if all == 0 {
+        if bits.iter().flatten().fold(0, |all, bits| all | bits) == 0 {
             return None;
         }
         let images = |side: usize, missed: f32| {
@@ -353,20 +324,6 @@ impl Strip<'_> {
     }
 }
 
-/// Successive values from an index on, and others behind the last.
-#[inline(always)]
-fn lanes<T: Copy>(values: &[T], at: usize, others: T) -> [T; LANES] {
-    let rest = values.get(at..).unwrap_or_default();
-    match rest.first_chunk() {
-        Some(chunk) => *chunk,
-        None => {
-            let mut all = [others; LANES];
-            all[..rest.len()].copy_from_slice(rest);
-            all
-        }
-    }
-}
-
 /// Columns and rows from the first up to, without, the second, between two depths.
 #[derive(Clone, Copy, Debug)]
 struct PixelBox {
@@ -399,12 +356,16 @@ impl BoxStack {
         if lowest > highest {
             return;
         }
-        let lengths = |pick: fn(f32, f32) -> f32, start| {
-            low.iter().zip(high).fold(start, |length, (low, high)| pick(length, high - low))
-        };
-        let (shortest, longest) = (lengths(smaller, f32::INFINITY), lengths(larger, 0.0));
-        if shortest >= 0.0 && highest - lowest <= longest + self.slack {
-            self.add([column, column + LANES], row, [lowest, highest]);
+        let longest = low.iter().zip(high).fold(0.0, |longest, (low, high)| larger(longest, high - low));
+        let (mut first, mut last, mut count) = (LANES, 0, 0);
+        for i in 0..LANES {
+            let is_there = low[i] <= high[i];
+            first = if is_there { first.min(i) } else { first };
+            last = if is_there { i } else { last };
+            count += usize::from(is_there);
+        }
+        if count == last + 1 - first && highest - lowest <= longest + self.slack {
+            self.add([column + first, column + last + 1], row, [lowest, highest]);
             return;
         }
         for ((&low, &high), column) in low.iter().zip(high).zip(column..) {

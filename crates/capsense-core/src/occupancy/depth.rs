@@ -5,6 +5,7 @@
 //! each has a thickness.
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
+use super::pixel_row::{first_where, last_where, reduce};
 use super::{Earlier, LayerWall, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::workers::vectorised;
@@ -191,9 +192,11 @@ impl DepthLayers {
             if nearest <= farthest {
                 (low, high) = (low.min(nearest), high.max(farthest));
                 seen_rows = [seen_rows[0].min(row), row + 1];
-                let hit = |column: &usize| fronts[*column] <= backs[*column];
-                columns[0] = (0..columns[0]).find(hit).unwrap_or(columns[0]);
-                columns[1] = (columns[1]..width).rev().find(hit).map_or(columns[1], |last| last + 1);
+                let is_hit = |front: f32, back: f32| front <= back;
+                let [before, end] = columns;
+                columns[0] = first_where(&fronts[..before], &backs[..before], is_hit).unwrap_or(before);
+                columns[1] =
+                    last_where(&fronts[end..], &backs[end..], is_hit).map_or(end, |last| end + last + 1);
             }
         }
         (seen_rows[0] < seen_rows[1]).then_some((columns, seen_rows, [low, high]))
@@ -211,23 +214,6 @@ fn is_surface(front: f32, back: f32) -> bool {
     let met = (front > f32::NEG_INFINITY) & (front <= back) & (back < f32::INFINITY);
     let missed = (front == f32::INFINITY) & (back == f32::NEG_INFINITY);
     met | missed
-}
-
-/// The extreme one of some depths, found in lanes that do not wait for each other.
-#[inline(always)]
-fn reduce(depths: &[f32], start: f32, pick: impl Fn(f32, f32) -> f32) -> f32 {
-    let (chunks, rest) = depths.as_chunks::<16>();
-    let mut lanes = [start; 16];
-    for chunk in chunks {
-        for i in 0..16 {
-            lanes[i] = pick(lanes[i], chunk[i]);
-        }
-    }
-    let (low, high) = lanes.split_at_mut(8);
-    for (lane, other) in low.iter_mut().zip(high) {
-        *lane = pick(*lane, *other);
-    }
-    low.iter().chain(rest).fold(start, |extreme, &depth| pick(extreme, depth))
 }
 
 impl Surfaces for DepthLayers {

@@ -125,7 +125,7 @@ impl Room {
         }
         sight.walls.find_spans(scene, (edge, ends), spans);
         if !spans.is_empty() && scene.is_at_electrode(ends) {
-            contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
+            note_contacts(scene, (edge, ends), spans, contacts);
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
@@ -173,6 +173,17 @@ impl Room {
             None => covered,
         }
     }
+}
+
+/// Notes the conductors that touch electrodes at the ends of an edge. Few edges lead there.
+#[cold]
+fn note_contacts(
+    scene: &Scene<'_>,
+    (edge, ends): (usize, [u32; 2]),
+    spans: &[(u16, Span)],
+    contacts: &mut Vec<(u32, Contact)>,
+) {
+    contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
 }
 
 #[cfg(test)]

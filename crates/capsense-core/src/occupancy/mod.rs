@@ -18,6 +18,7 @@ mod index_set;
 mod interface;
 mod near_field;
 mod parallel;
+mod pixel_row;
 mod scene;
 mod silhouette;
 mod sorted;
@@ -309,8 +310,8 @@ impl Occupancy {
         if dependence.on_rays {
             walls.update(workers, scene, changes.planes(), |edge| {
                 // Of edges along the rays, only those through a face have taps beside them.
-                let is_cut = self.couplings[edge] != Coupling::PLAIN;
-                if (is_cut || edge % 3 != camera_wall::RAYS) && !edges.marked().contains(edge) {
+                let may_differ = edge % 3 != camera_wall::RAYS || self.couplings[edge] != Coupling::PLAIN;
+                if may_differ && !edges.marked().contains(edge) {
                     around.insert(edge);
                 }
             });

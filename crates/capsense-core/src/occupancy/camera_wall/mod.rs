@@ -83,7 +83,9 @@ impl CameraWalls {
             self.layers.clear();
             self.known.drain(|_| ());
             let all = self.of_edges.drain();
-            all.for_each(|(edge, wall)| for_edges_of(lattice, edge as usize, &wall, &mut visit));
+            all.for_each(|(edge, wall)| {
+                for_edges_of(lattice, edge as usize, [Some(&wall), None], &mut visit)
+            });
             return;
         }
         self.layers.update(scene, lattice, regions);
@@ -110,8 +112,7 @@ impl CameraWalls {
                 }
             };
             if before != *now {
-                let both = before.iter().chain(now.iter());
-                both.for_each(|wall| for_edges_of(lattice, edge as usize, wall, &mut visit));
+                for_edges_of(lattice, edge as usize, [before.as_ref(), now.as_ref()], &mut visit);
             }
         }
     }
@@ -142,7 +143,7 @@ impl CameraWalls {
                     } else if known.contains(edge) {
                         known.remove(edge);
                         let before = of_edges.remove(&(edge as u32));
-                        before.iter().for_each(|wall| for_edges_of(lattice, edge, wall, visit));
+                        for_edges_of(lattice, edge, [before.as_ref(), None], visit);
                     }
                 }
                 place[0] += 1;
@@ -280,12 +281,18 @@ impl CameraWalls {
     }
 }
 
-/// Visits an edge beside a wall, and those along the rays that taps of it may be beside.
-fn for_edges_of(lattice: &Lattice, edge: usize, wall: &BesideWall, visit: &mut impl FnMut(usize)) {
+/// Visits an edge beside a wall, and those along the rays that taps of it may be beside, before or now.
+fn for_edges_of(
+    lattice: &Lattice,
+    edge: usize,
+    walls: [Option<&BesideWall>; 2],
+    visit: &mut impl FnMut(usize),
+) {
     visit(edge);
-    if wall.past.tap != 0.0 {
+    let has_tap = |end: u8| walls.iter().flatten().any(|wall| wall.end == end && wall.past.tap != 0.0);
+    for end in [0, 1].into_iter().filter(|&end| has_tap(end)) {
         let across = lattice.strides()[edge % 3];
-        let node = edge / 3 + usize::from(wall.end) * across;
+        let node = edge / 3 + usize::from(end) * across;
         let below = node.checked_sub(lattice.strides()[RAYS]);
         [Some(node), below].into_iter().flatten().for_each(|start| visit(3 * start + RAYS));
     }
