@@ -149,7 +149,7 @@ impl Edges {
     /// Visits all edges that touch a box, and perhaps others near it; some of them several times.
     pub fn for_edges_near(&self, nodes: &[DVec3], bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
         match self {
-            Self::Lattice(lattice) => for_lattice_edges(lattice, bounds, visit),
+            Self::Lattice(lattice) => for_lattice_edges(lattice, &lattice.planes_within(bounds), visit),
             Self::List(list) => list.edge_bins.for_boxes_near(bounds, |edge| {
                 let ends = list.ends[edge as usize];
                 if bounds.intersects(&around(ends, nodes)) {
@@ -160,6 +160,9 @@ impl Edges {
     }
 }
 
+/// Some planes of a lattice across each axis: those that touch a box.
+pub(crate) type Planes = [Range<usize>; 3];
+
 /// The smallest box around an edge.
 fn around(ends: [u32; 2], nodes: &[DVec3]) -> Aabb {
     let [a, b] = ends.map(|node| nodes[node as usize]);
@@ -168,9 +171,13 @@ fn around(ends: [u32; 2], nodes: &[DVec3]) -> Aabb {
 
 impl Lattice {
     /// Visits the nodes in a box, those next to each other along x together.
-    pub(crate) fn for_rows_within(&self, bounds: &Aabb, mut visit: impl FnMut(Range<usize>)) {
-        let [x, y, z] = self.planes_within(bounds);
-        for k in z {
+    pub(crate) fn for_rows_within(&self, bounds: &Aabb, visit: impl FnMut(Range<usize>)) {
+        self.for_rows_of(&self.planes_within(bounds), visit);
+    }
+
+    /// The same where some planes across each axis meet.
+    pub(crate) fn for_rows_of(&self, [x, y, z]: &Planes, mut visit: impl FnMut(Range<usize>)) {
+        for k in z.clone() {
             for j in y.clone() {
                 let row = self.node_index([0, j, k]);
                 visit(row + x.start..row + x.end);
@@ -179,20 +186,30 @@ impl Lattice {
     }
 
     /// The planes across each axis that touch a box.
-    fn planes_within(&self, bounds: &Aabb) -> [Range<usize>; 3] {
+    pub(crate) fn planes_within(&self, bounds: &Aabb) -> Planes {
         std::array::from_fn(|axis| {
             let planes = &self.axes()[axis];
-            let from = planes.partition_point(|&plane| plane < bounds.min[axis]);
-            from..planes.partition_point(|&plane| plane <= bounds.max[axis])
+            let (low, high) = (bounds.min[axis], bounds.max[axis]);
+            let from = planes.partition_point(|&plane| plane < low);
+            // Most boxes are touched by few.
+            from..from + planes[from..].iter().take_while(|&&plane| plane <= high).count()
+        })
+    }
+
+    /// The same, or where the box lies between two, up to the next planes before and behind it across some axes.
+    pub(crate) fn up_to_next(&self, planes: &Planes, before: [bool; 3], behind: [bool; 3]) -> Planes {
+        std::array::from_fn(|axis| {
+            let Range { start, end } = planes[axis];
+            let first = start.saturating_sub(usize::from(before[axis]));
+            first..(end + usize::from(behind[axis])).min(self.axes()[axis].len())
         })
     }
 }
 
-/// All edges that touch a box, each once, in increasing order.
-fn for_lattice_edges(lattice: &Lattice, bounds: &Aabb, mut visit: impl FnMut(usize, [u32; 2])) {
+/// All edges that touch a box, each once, in increasing order, by the planes that touch it.
+pub(crate) fn for_lattice_edges(lattice: &Lattice, nodes: &Planes, mut visit: impl FnMut(usize, [u32; 2])) {
     let strides = lattice.strides();
     let counts = lattice.node_counts();
-    let nodes = lattice.planes_within(bounds);
     // Along its axis, an edge touches the box if it starts before the box's end and ends after its start.
     let starts: [Range<usize>; 3] = std::array::from_fn(|axis| {
         nodes[axis].start.saturating_sub(1)..nodes[axis].end.min(counts[axis] - 1)
@@ -215,5 +232,22 @@ fn for_lattice_edges(lattice: &Lattice, bounds: &Aabb, mut visit: impl FnMut(usi
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_that_touch_a_box_and_the_next_ones() {
+        let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
+        let lattice = Lattice::new(axes).unwrap();
+        let region = Aabb { min: DVec3::new(1.0, 2.5, -2.0), max: DVec3::new(1.0, 2.6, 9.0) };
+        let planes = lattice.planes_within(&region);
+        assert_eq!(planes, [1..2, 2..2, 0..3]);
+        assert_eq!(lattice.up_to_next(&planes, [true; 3], [true; 3]), [0..3, 1..3, 0..3]);
+        assert_eq!(lattice.up_to_next(&planes, [true; 3], [false; 3]), [0..2, 1..2, 0..3]);
     }
 }

@@ -19,6 +19,7 @@ pub use numbering::places;
 pub use quality::MeshQuality;
 
 pub(crate) use bins::Bins;
+pub(crate) use edges::{Planes, for_lattice_edges};
 pub(crate) use gradients::{CANCELLED, EdgeShare};
 
 use crate::geometry::Aabb;

@@ -5,6 +5,7 @@ use super::near_field::{self, KnownField};
 use super::{DepthLayers, EdgeGeometry, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
+use crate::mesh::{Edges, Planes};
 use glam::DAffine3;
 use std::sync::Arc;
 
@@ -99,6 +100,8 @@ pub(super) struct Changes {
     materials: Vec<Material>,
     earlier: Earlier,
     regions: Regions,
+    /// For each box, the planes that touch it, if the mesh is a lattice.
+    planes: Vec<Planes>,
 }
 
 impl Changes {
@@ -137,6 +140,10 @@ impl Changes {
         self.fields.extend((0..materials.len()).map(|object| KnownField::around(surfaces, object)));
         // From below, so that what is met on the way mostly is met in order.
         regions.boxes.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
+        self.planes.clear();
+        if let Edges::Lattice(lattice) = mesh.edges {
+            self.planes.extend(regions.boxes.iter().map(|region| lattice.planes_within(region)));
+        }
     }
 
     /// Where each object is.
@@ -152,6 +159,25 @@ impl Changes {
     /// Boxes outside of which no answer differs from that of the frame before. They may overlap.
     pub(super) fn regions(&self) -> &[Aabb] {
         &self.regions.boxes
+    }
+
+    /// For each of them, the planes that touch it, if the mesh is a lattice.
+    pub(super) fn planes(&self) -> &[Planes] {
+        &self.planes
+    }
+
+    /// Visits the nodes in them, some several times.
+    pub(super) fn for_nodes_near(&self, mesh: &EdgeGeometry<'_>, mut visit: impl FnMut(usize)) {
+        match mesh.edges {
+            Edges::Lattice(lattice) => {
+                let planes = self.planes.iter();
+                planes.for_each(|planes| lattice.for_rows_of(planes, |row| row.for_each(&mut visit)));
+            }
+            edges @ Edges::List(_) => {
+                let regions = self.regions().iter();
+                regions.for_each(|region| edges.for_nodes_near(mesh.nodes, region, &mut visit));
+            }
+        }
     }
 
     /// Boxes outside of which no edge of an object was or is, of what differs, nor are two objects near each other.

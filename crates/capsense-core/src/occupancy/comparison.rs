@@ -5,12 +5,13 @@
 //! one side of that interval in all its pixels, in both images, keeps its answers bit for bit.
 
 use super::crossing::{NOWHERE, hull, larger, smaller};
+use super::pixel_row::{LANES, first_where, lanes, last_where};
 use super::{DepthLayers, Regions};
 use crate::workers::vectorised;
 use std::ops::Range;
 
-/// Pixels that are looked at together.
-const LANES: usize = 8;
+/// Pixels that are looked at together, with those beside the first and the last.
+const WITH_BESIDE: usize = LANES + 2;
 
 /// Boxes this long, in mean spacings of the mesh, are small enough, and depths in them may differ by so much.
 const SMALL: f64 = 1.0;
@@ -78,6 +79,9 @@ impl Comparison {
     #[inline(always)]
     fn compare_rows(&mut self, width: usize, columns: &Range<usize>, pairs: [Pair<'_>; 2], jump: f32) {
         let height = self.differences[0].rows.len();
+        // One more column on either side, and what lanes that start before the last column reach behind it.
+        let last = (columns.end + LANES).div_ceil(LANES).min(width.div_ceil(LANES));
+        let blocks = columns.start.saturating_sub(1) / LANES..last;
         let mut next = 0;
         for row in 0..height {
             let around = row.saturating_sub(1)..(row + 2).min(height);
@@ -85,15 +89,16 @@ impl Comparison {
             if !near.is_empty() {
                 next = next.max(around.start);
                 for line in next..around.end {
+                    let pixels = line * width..(line + 1) * width;
                     for (difference, pair) in self.differences.iter_mut().zip(pairs) {
-                        difference.take_line(width, columns, line, pair);
+                        difference.take_line(&blocks, line, pair.map(|surface| &surface[pixels.clone()]));
                     }
                 }
                 next = around.end;
                 for difference in &mut self.differences {
-                    difference.gather(columns, row, around.clone());
+                    difference.stack_rows(&blocks, row, &around);
                 }
-                let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..near.end]));
+                let own = pairs.map(|pair| pair.map(|surface| &surface[row * width..][..width]));
                 let strip = Strip { differences: &self.differences, own, jump };
                 for column in near.step_by(LANES) {
                     let found = strip.may_differ(column);
@@ -121,16 +126,26 @@ impl Comparison {
 struct Difference {
     /// The columns that differ in each row lie from the first up to, without, the second.
     rows: Vec<[usize; 2]>,
-    /// What is in three successive rows, by the row's number modulo three. Here and in the next, one more column stands
-    /// before the first and behind the last.
-    lines: [Band; 3],
+    /// What is in three successive rows, by the row's number modulo three.
+    lines: [Vec<Block>; 3],
     /// What is in each column of the row at hand and of those beside it.
     upright: Band,
-    /// What is in the eight pixels around each pixel of the row at hand, and in itself.
-    around: Band,
 }
 
-/// For each column, bits in which some pixels differ, and the lowest and the highest of their depths in either image.
+/// For each of some successive columns, bits in which some pixels differ, and the lowest and the highest of their depths in either
+/// image.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    bits: [u32; LANES],
+    low: [f32; LANES],
+    high: [f32; LANES],
+}
+
+impl Block {
+    const NOTHING: Self = Self { bits: [0; LANES], low: [NOWHERE[0]; LANES], high: [NOWHERE[1]; LANES] };
+}
+
+/// The same for all columns, and as many as a block has before the first and behind the last.
 #[derive(Clone, Debug, Default)]
 struct Band {
     bits: Vec<u32>,
@@ -139,8 +154,9 @@ struct Band {
 }
 
 impl Band {
-    /// Forgets all if the number of columns is another.
-    fn resize(&mut self, columns: usize) {
+    /// Forgets all if the number of blocks is another.
+    fn resize(&mut self, blocks: usize) {
+        let columns = (blocks + 2) * LANES;
         if self.bits.len() != columns {
             let Self { bits, low, high } = self;
             bits.clear();
@@ -153,20 +169,31 @@ impl Band {
     }
 
     #[inline(always)]
-    fn copy_from(&mut self, columns: Range<usize>, other: &Self) {
-        self.bits[columns.clone()].copy_from_slice(&other.bits[columns.clone()]);
-        self.low[columns.clone()].copy_from_slice(&other.low[columns.clone()]);
-        self.high[columns.clone()].copy_from_slice(&other.high[columns]);
+    fn set(&mut self, block: usize, of: &Block) {
+        let at = (block + 1) * LANES;
+        self.bits[at..at + LANES].copy_from_slice(&of.bits);
+        self.low[at..at + LANES].copy_from_slice(&of.low);
+        self.high[at..at + LANES].copy_from_slice(&of.high);
     }
 
+    /// What is in successive columns from one on and in those beside them.
     #[inline(always)]
-    fn include(&mut self, columns: Range<usize>, other: &Self) {
-        let bits = self.bits[columns.clone()].iter_mut().zip(&other.bits[columns.clone()]);
-        bits.for_each(|(bits, other)| *bits |= other);
-        let low = self.low[columns.clone()].iter_mut().zip(&other.low[columns.clone()]);
-        low.for_each(|(low, other)| *low = smaller(*low, *other));
-        let high = self.high[columns.clone()].iter_mut().zip(&other.high[columns]);
-        high.for_each(|(high, other)| *high = larger(*high, *other));
+    fn around(&self, column: usize) -> Block {
+        let from = column + LANES - 1;
+        let (bits, low, high) = (&self.bits[from..], &self.low[from..], &self.high[from..]);
+        let mut around = Block::NOTHING;
+        if let (Some(bits), Some(low), Some(high)) = (
+            bits.first_chunk::<WITH_BESIDE>(),
+            low.first_chunk::<WITH_BESIDE>(),
+            high.first_chunk::<WITH_BESIDE>(),
+        ) {
+            for i in 0..LANES {
+                around.bits[i] = bits[i] | bits[i + 1] | bits[i + 2];
+                around.low[i] = smaller(smaller(low[i], low[i + 1]), low[i + 2]);
+                around.high[i] = larger(larger(high[i], high[i + 1]), high[i + 2]);
+            }
+        }
+        around
     }
 }
 
@@ -174,52 +201,52 @@ impl Difference {
     /// Marks rows that are not the same bit for bit.
     #[inline(always)]
     fn mark(&mut self, width: usize, [before, now]: Pair<'_>) {
-        self.lines.iter_mut().for_each(|line| line.resize(width + 2));
-        self.upright.resize(width + 2);
-        self.around.resize(width);
+        let blocks = width.div_ceil(LANES);
+        self.lines.iter_mut().for_each(|line| line.resize(blocks, Block::NOTHING));
+        self.upright.resize(blocks);
         self.rows.resize(now.len() / width, [width, 0]);
         let rows = before.chunks_exact(width).zip(now.chunks_exact(width));
         for (differing, (before, now)) in self.rows.iter_mut().zip(rows) {
             *differing = [width, 0];
-            if differing_bits(before, now).fold(0, |all, bits| all | bits) != 0 {
-                let first = differing_bits(before, now).position(|bits| bits != 0).unwrap_or(width);
-                let end = differing_bits(before, now).rposition(|bits| bits != 0).map_or(0, |last| last + 1);
-                *differing = [first, end];
+            let differ = |a: f32, b: f32| a.to_bits() != b.to_bits();
+            if let Some(first) = first_where(before, now, differ) {
+                let last = last_where(before, now, differ);
+                *differing = [first, last.map_or(0, |last| last + 1)];
             }
         }
     }
 
-    /// Takes what is in one row, in some columns and those beside them.
+    /// Takes what is in some columns of one row.
     #[inline(always)]
-    fn take_line(&mut self, width: usize, columns: &Range<usize>, row: usize, [before, now]: Pair<'_>) {
-        let beside = columns.start.saturating_sub(1)..(columns.end + 1).min(width);
-        let padded = beside.start + 1..beside.end + 1;
-        let pixels = row * width + beside.start..row * width + beside.end;
-        let Band { bits, low, high } = &mut self.lines[row % 3];
-        let differing = differing_bits(&before[pixels.clone()], &now[pixels.clone()]);
-        bits[padded.clone()].iter_mut().zip(differing).for_each(|(bits, differing)| *bits = differing);
-        let depths = || before[pixels.clone()].iter().zip(&now[pixels.clone()]);
-        let lows = low[padded.clone()].iter_mut().zip(depths());
-        lows.for_each(|(low, (&a, &b))| *low = smaller(interval(a)[0], interval(b)[0]));
-        let highs = high[padded].iter_mut().zip(depths());
-        highs.for_each(|(high, (&a, &b))| *high = larger(interval(a)[1], interval(b)[1]));
+    fn take_line(&mut self, blocks: &Range<usize>, row: usize, [before, now]: Pair<'_>) {
+        let line = &mut self.lines[row % 3][blocks.clone()];
+        for (block, column) in line.iter_mut().zip((blocks.start * LANES..).step_by(LANES)) {
+            // Rays that miss are nowhere, and the same in both images.
+            let [before, now] = [before, now].map(|depths| lanes(depths, column, f32::INFINITY));
+            for i in 0..LANES {
+                block.bits[i] = before[i].to_bits() ^ now[i].to_bits();
+                block.low[i] = smaller(interval(before[i])[0], interval(now[i])[0]);
+                block.high[i] = larger(interval(before[i])[1], interval(now[i])[1]);
+            }
+        }
     }
 
-    /// Finds what is around the pixels of one row: first takes three rows together, then three columns.
+    /// Takes rows together: one and those beside it.
     #[inline(always)]
-    fn gather(&mut self, columns: &Range<usize>, row: usize, rows: Range<usize>) {
-        let Self { lines, upright, around, .. } = self;
-        let padded = columns.start..columns.end + 2;
-        upright.copy_from(padded.clone(), &lines[row % 3]);
-        for beside in rows.filter(|beside| *beside != row) {
-            upright.include(padded.clone(), &lines[beside % 3]);
+    fn stack_rows(&mut self, blocks: &Range<usize>, row: usize, rows: &Range<usize>) {
+        let Self { lines, upright, .. } = self;
+        let [own, first, last] = [row, rows.start, rows.end - 1].map(|row| &lines[row % 3][..blocks.end]);
+        for block in blocks.clone() {
+            let mut all = own[block];
+            for beside in [&first[block], &last[block]] {
+                for i in 0..LANES {
+                    all.bits[i] |= beside.bits[i];
+                    all.low[i] = smaller(all.low[i], beside.low[i]);
+                    all.high[i] = larger(all.high[i], beside.high[i]);
+                }
+            }
+            upright.set(block, &all);
         }
-        let bits = around.bits[columns.clone()].iter_mut().zip(upright.bits[padded.clone()].windows(3));
-        bits.for_each(|(bits, three)| *bits = three[0] | three[1] | three[2]);
-        let lowest = around.low[columns.clone()].iter_mut().zip(upright.low[padded.clone()].windows(3));
-        lowest.for_each(|(lowest, three)| *lowest = smaller(smaller(three[0], three[1]), three[2]));
-        let highest = around.high[columns.clone()].iter_mut().zip(upright.high[padded].windows(3));
-        highest.for_each(|(highest, three)| *highest = larger(larger(three[0], three[1]), three[2]));
     }
 
     /// Copies what differs.
@@ -231,12 +258,6 @@ impl Difference {
     }
 }
 
-/// The bits in which depths differ.
-#[inline(always)]
-fn differing_bits(before: &[f32], now: &[f32]) -> impl ExactSizeIterator<Item = u32> + DoubleEndedIterator {
-    before.iter().zip(now).map(|(a, b)| a.to_bits() ^ b.to_bits())
-}
-
 /// Depths between which answers may differ in successive pixels, from the lowest to the highest; [`NOWHERE`] in those in
 /// which none does.
 struct Depths {
@@ -244,7 +265,11 @@ struct Depths {
     high: [f32; LANES],
 }
 
-/// A row of both images, up to some column, with what is around it.
+impl Depths {
+    const NOWHERE: Self = Self { low: [NOWHERE[0]; LANES], high: [NOWHERE[1]; LANES] };
+}
+
+/// A row of both images, with what is around it.
 struct Strip<'a> {
     differences: &'a [Difference; 2],
     own: [Pair<'a>; 2],
@@ -256,9 +281,9 @@ impl Strip<'_> {
     /// that see the object in one of the images only count with the front. `None` if nothing is different.
     #[inline(always)]
     fn may_differ(&self, column: usize) -> Option<[Depths; 2]> {
-        let end = self.own[FRONT][0].len();
-        let bits_of = |side: usize| lanes(&self.differences[side].around.bits[..end], column, 0);
-        let bits = [bits_of(FRONT), bits_of(BACK)];
+        let [of_front, of_back] =
+            [self.differences[FRONT].upright.around(column), self.differences[BACK].upright.around(column)];
+        let bits = [of_front.bits, of_back.bits];
         if bits.iter().flatten().fold(0, |all, bits| all | bits) == 0 {
             return None;
         }
@@ -266,49 +291,36 @@ impl Strip<'_> {
             let [before, now] = self.own[side];
             [lanes(before, column, missed), lanes(now, column, missed)]
         };
-        // Mapped arrays may become calls, which are compiled without the processor's extensions.
         let (front, back) = (images(FRONT, f32::INFINITY), images(BACK, f32::NEG_INFINITY));
         let (of_front, of_back) =
-            (self.depths_around(FRONT, column, &front), self.depths_around(BACK, column, &back));
-        let sees = |image: usize, i: usize| front[image][i] <= back[image][i];
-        let both = |i: usize| sees(0, i) & sees(1, i);
-        let one = |i: usize| sees(0, i) ^ sees(1, i);
-        let in_front = |i: usize| one(i) | (both(i) & (bits[FRONT][i] != 0));
-        let in_back = |i: usize| both(i) & (bits[BACK][i] != 0);
-        let highest = |i: usize| if one(i) { of_back.high[i] } else { of_front.high[i] };
-        let front = Depths {
-            low: std::array::from_fn(|i| if in_front(i) { of_front.low[i] } else { NOWHERE[0] }),
-            high: std::array::from_fn(|i| if in_front(i) { highest(i) } else { NOWHERE[1] }),
-        };
-        let back = Depths {
-            low: std::array::from_fn(|i| if in_back(i) { of_back.low[i] } else { NOWHERE[0] }),
-            high: std::array::from_fn(|i| if in_back(i) { of_back.high[i] } else { NOWHERE[1] }),
-        };
-        Some([front, back])
+            (self.depths_around(&of_front, &front), self.depths_around(&of_back, &back));
+        let mut found = [Depths::NOWHERE, Depths::NOWHERE];
+        // Mapped arrays may become calls, which are compiled without the processor's extensions.
+        for i in 0..LANES {
+            let [before, now] = [0, 1].map(|image| front[image][i] <= back[image][i]);
+            let (one, both) = (before ^ now, before & now);
+            let in_front = one | (both & (bits[FRONT][i] != 0));
+            let in_back = both & (bits[BACK][i] != 0);
+            let highest = if one { of_back.high[i] } else { of_front.high[i] };
+            found[FRONT].low[i] = if in_front { of_front.low[i] } else { NOWHERE[0] };
+            found[FRONT].high[i] = if in_front { highest } else { NOWHERE[1] };
+            found[BACK].low[i] = if in_back { of_back.low[i] } else { NOWHERE[0] };
+            found[BACK].high[i] = if in_back { of_back.high[i] } else { NOWHERE[1] };
+        }
+        Some(found)
     }
 
     /// The intervals around all that interpolation may make of pixels' depths in both images: values between those of
     /// their neighbours that are no jump away.
     #[inline(always)]
-    fn depths_around(&self, side: usize, column: usize, own: &[[f32; LANES]; 2]) -> Depths {
-        let end = self.own[FRONT][0].len();
-        let Band { low, high, .. } = &self.differences[side].around;
-        let (low, high) = (lanes(&low[..end], column, NOWHERE[0]), lanes(&high[..end], column, NOWHERE[1]));
-        let own = |i: usize| hull(interval(own[0][i]), interval(own[1][i]));
-        Depths {
-            low: std::array::from_fn(|i| larger(low[i], own(i)[0] - self.jump)),
-            high: std::array::from_fn(|i| smaller(high[i], own(i)[1] + self.jump)),
+    fn depths_around(&self, around: &Block, [before, now]: &[[f32; LANES]; 2]) -> Depths {
+        let mut depths = Depths::NOWHERE;
+        for i in 0..LANES {
+            let [low, high] = hull(interval(before[i]), interval(now[i]));
+            depths.low[i] = larger(around.low[i], low - self.jump);
+            depths.high[i] = smaller(around.high[i], high + self.jump);
         }
-    }
-}
-
-/// Successive values from an index on, and others behind the last.
-#[inline(always)]
-fn lanes<T: Copy>(values: &[T], at: usize, others: T) -> [T; LANES] {
-    let rest = values.get(at..).unwrap_or_default();
-    match rest.first_chunk() {
-        Some(chunk) => *chunk,
-        None => std::array::from_fn(|i| rest.get(i).copied().unwrap_or(others)),
+        depths
     }
 }
 
@@ -344,12 +356,16 @@ impl BoxStack {
         if lowest > highest {
             return;
         }
-        let lengths = |pick: fn(f32, f32) -> f32, start| {
-            low.iter().zip(high).fold(start, |length, (low, high)| pick(length, high - low))
-        };
-        let (shortest, longest) = (lengths(smaller, f32::INFINITY), lengths(larger, 0.0));
-        if shortest >= 0.0 && highest - lowest <= longest + self.slack {
-            self.add([column, column + LANES], row, [lowest, highest]);
+        let longest = low.iter().zip(high).fold(0.0, |longest, (low, high)| larger(longest, high - low));
+        let (mut first, mut last, mut count) = (LANES, 0, 0);
+        for i in 0..LANES {
+            let is_there = low[i] <= high[i];
+            first = if is_there { first.min(i) } else { first };
+            last = if is_there { i } else { last };
+            count += usize::from(is_there);
+        }
+        if count == last + 1 - first && highest - lowest <= longest + self.slack {
+            self.add([column + first, column + last + 1], row, [lowest, highest]);
             return;
         }
         for ((&low, &high), column) in low.iter().zip(high).zip(column..) {

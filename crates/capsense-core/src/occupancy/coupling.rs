@@ -81,7 +81,7 @@ impl EdgeRule<'_> {
     /// Applies the rule. `breaks` is working storage.
     pub(super) fn coupling(self, breaks: &mut Vec<f64>) -> Coupling {
         let [from, to] = self.owners;
-        if self.spans.is_empty() && from == NO_OBJECT && to == NO_OBJECT {
+        if from == to && (from != NO_OBJECT || self.spans.is_empty()) {
             return Coupling::PLAIN;
         }
         let first = self.contact(from, 0.0, |span| span.enter, |candidate, best| candidate < best);
@@ -90,7 +90,6 @@ impl EdgeRule<'_> {
             return self.only_through(0.0, 1.0, breaks);
         };
         match (from != NO_OBJECT, to != NO_OBJECT) {
-            (true, true) if from == to => Coupling::PLAIN,
             (true, true) => self.only_through(self.exit_of(from), self.enter_of(to), breaks),
             (true, false) if last == from => self.only_through(exit, 1.0, breaks),
             (false, true) if first == to => self.only_through(0.0, enter, breaks),

@@ -93,45 +93,69 @@ pub(super) fn span_behind([at_start, at_end]: [[f64; 2]; 2], z: [f64; 2], t: [f6
     (part[0] < part[1]).then(|| Span { enter: at(part[0]), exit: at(part[1]) })
 }
 
+/// What the camera sees of one object.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    /// Front and back, row by row.
+    faces: [&'a [f32]; 2],
+    /// Number of columns and of rows.
+    counts: [usize; 2],
+    jump: f32,
+}
+
 impl DepthLayers {
     pub(super) fn is_inside(&self, object: usize, point: DVec3) -> bool {
         let surfaces = self.layer(object, point);
         surfaces.is_some_and(|[front, back]| front < point.z && point.z < back)
     }
 
+    fn seen(&self, object: usize) -> Seen<'_> {
+        let faces = [self.front(object), self.back(object)];
+        Seen { faces, counts: [self.view().width, self.view().height], jump: self.jump() }
+    }
+
     /// Front and back of an object along the ray through a point.
     #[inline]
     pub(super) fn layer(&self, object: usize, point: DVec3) -> Option<[f64; 2]> {
         let uv = self.pixel_coordinates(point);
-        self.quarter(object, uv).map(|quarter| quarter.at(uv))
+        self.seen(object).quarter(uv).map(|quarter| quarter.at(uv))
     }
 
     /// Walks the segment from one half pixel to the next: within one, the same pixel is hit or missed and the same
-    /// four depths are interpolated.
+    /// four depths are interpolated. What is between the first and the last of them that meet the object does not matter.
     pub(super) fn span_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
+        let (z, seen) = ([a.z, b.z], self.seen(object));
         let mut borders = HalfPixelBorders::between(uv);
         if borders.count() == 0 {
-            let quarter = self.quarter(object, uv[0])?;
-            return quarter.span(uv, [a.z, b.z], [0.0, 1.0]);
+            return seen.quarter(uv[0])?.span(uv, z, [0.0, 1.0]);
         }
         if borders.count() > 1 {
-            match self.side_of_all(object, uv, [a.z.min(b.z), a.z.max(b.z)]) {
+            let margin = MARGIN_IN_PIXELS * f64::from(self.pixel_width());
+            match seen.side_of_all(uv, [a.z.min(b.z), a.z.max(b.z)], margin) {
                 Some(Side::Inside) => return Some(Span { enter: 0.0, exit: 1.0 }),
                 Some(Side::Outside) => return None,
                 None => {}
             }
         }
-        let mut found: Option<Span> = None;
-        let mut start = 0.0;
-        while start < 1.0 {
-            let end = borders.next_after(start);
-            if let Some(piece) = self.piece(object, uv, [a.z, b.z], [start, end]) {
-                found = Some(Span { enter: found.map_or(piece.enter, |f| f.enter), exit: piece.exit });
+        let mut from_end = borders.backwards();
+        let mut t = [0.0, borders.next_after(0.0)];
+        let first = loop {
+            match seen.piece(uv, z, t) {
+                Some(first) => break first,
+                None if t[1] >= 1.0 => return None,
+                None => t = [t[1], borders.next_after(t[1])],
             }
-            start = end;
+        };
+        let mut end = 1.0;
+        while end > t[1] {
+            let start = from_end.next_before(end);
+            if let Some(last) = seen.piece(uv, z, [start, end]) {
+                return Some(Span { enter: first.enter, exit: last.exit });
+            }
+            end = start;
         }
-        found
+        Some(first)
     }
 
     /// Where that walk first meets an object along a row or a column of the image, if it is inside as soon as a pixel starts: where
@@ -144,7 +168,8 @@ impl DepthLayers {
         depths: [f64; 2],
     ) -> Option<LayerWall> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
-        let line = self.line(object, uv)?;
+        let seen = self.seen(object);
+        let line = seen.line(uv)?;
         let first_hit = line.first_hit()?;
         let mut borders = HalfPixelBorders::between(uv);
         let mut start = 0.0;
@@ -153,66 +178,57 @@ impl DepthLayers {
         }
         while start < 1.0 {
             let end = borders.next_after(start);
-            if let Some(piece) = self.piece(object, uv, [a.z, b.z], [start, end]) {
+            if let Some(piece) = seen.piece(uv, [a.z, b.z], [start, end]) {
+                if piece.enter != start {
+                    return None;
+                }
                 let middle = (uv[0] + (uv[1] - uv[0]) * (0.5 * (start + end)))[line.axis];
-                let pixel = (middle as i32).max(0) as usize;
-                return (piece.enter == start)
-                    .then(|| LayerWall { enter: start, slope: self.slope_behind(&line, pixel, depths) });
+                let rise = line.rise_behind(middle as u32 as usize, depths);
+                return Some(LayerWall { enter: start, slope: rise / self.pixel_size()[line.axis] });
             }
             start = end;
         }
         None
     }
+}
 
+impl<'a> Seen<'a> {
     /// The row or column of pixels that a segment leads along; `None` if that is outside of the image.
-    fn line(&self, object: usize, uv: [DVec2; 2]) -> Option<Line<'_>> {
+    #[inline]
+    fn line(&self, uv: [DVec2; 2]) -> Option<Line<'a>> {
         let way = uv[1] - uv[0];
         let axis = usize::from(way.y.abs() > way.x.abs());
-        let counts = [self.view().width, self.view().height];
+        let Self { faces, counts, .. } = *self;
         let pixel = |uv: DVec2, axis: usize| pixel_at(uv[axis], counts[axis]).map(|(pixel, _)| pixel);
         let [first, last] = [pixel(uv[0], axis)?, pixel(uv[1], axis)?];
         let stride = [1, counts[0]][axis];
         let base = pixel(uv[0], 1 - axis)? * [1, counts[0]][1 - axis];
-        let layers = [self.front(object), self.back(object)];
-        Some(Line { layers, axis, stride, base, count: counts[axis], first, last })
+        Some(Line { faces, axis, stride, base, count: counts[axis], first, last })
     }
 
-    /// How steeply faces between two depths rise or fall from a pixel to the next one along a line; zero where that misses the
-    /// object.
-    fn slope_behind(&self, line: &Line<'_>, pixel: usize, [low, high]: [f64; 2]) -> f64 {
-        let behind = if line.first <= line.last { pixel + 1 } else { pixel.wrapping_sub(1) };
-        if behind >= line.count || !line.is_hit(behind) {
-            return 0.0;
-        }
-        let rise = |side: usize| {
-            let [z, next] = [pixel, behind].map(|pixel| f64::from(line.depth(side, pixel)));
-            if low < z && z < high { (next - z).abs() } else { 0.0 }
-        };
-        rise(0).max(rise(1)) / self.view().pixel_size()[line.axis]
-    }
-
-    /// What an object fills of a part of a segment within half a pixel, from one parameter to another.
-    #[inline]
-    fn piece(&self, object: usize, uv: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+    /// What the object fills of a part of a segment within half a pixel, from one parameter to another.
+    #[inline(always)]
+    fn piece(&self, uv: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
         // Along an axis that the segment does not leave, exactly where its ends are: they may be on a border of pixels.
         let uv_at = |t: f64| uv[0] + (uv[1] - uv[0]) * t;
-        let quarter = self.quarter(object, uv_at(0.5 * (t[0] + t[1])))?;
+        let quarter = self.quarter(uv_at(0.5 * (t[0] + t[1])))?;
         quarter.span(t.map(uv_at), t.map(|t| z[0] + (z[1] - z[0]) * t), t)
     }
 
-    /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of an
+    /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of the
     /// object, by such a margin that walking along the segment finds the same.
-    fn side_of_all(&self, object: usize, [a, b]: [DVec2; 2], [low, high]: [f64; 2]) -> Option<Side> {
-        let (width, height) = (self.view().width, self.view().height);
+    #[inline]
+    fn side_of_all(&self, [a, b]: [DVec2; 2], [low, high]: [f64; 2], margin: f64) -> Option<Side> {
+        let [width, height] = self.counts;
         let (columns, all_columns) = pixels_around(a.x.min(b.x), a.x.max(b.x), width);
         let (rows, all_rows) = pixels_around(a.y.min(b.y), a.y.max(b.y), height);
         let (mut front, mut back) = (NOWHERE, NOWHERE);
         for row in rows {
             let pixels = row * width + columns.start..row * width + columns.end;
-            front = self.front(object)[pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
-            back = self.back(object)[pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
+            front = self.faces[0][pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
+            back = self.faces[1][pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
         }
-        let margin = MARGIN_IN_PIXELS * f64::from(self.pixel_width()) + 1e-9 * (low.abs() + high.abs());
+        let margin = margin + 1e-9 * (low.abs() + high.abs());
         let ([first_front, last_front], [first_back, last_back]) =
             (front.map(f64::from), back.map(f64::from));
         if high < first_front - margin || low > last_back + margin {
@@ -226,13 +242,13 @@ impl DepthLayers {
     }
 
     /// The quarter pixel around a point; `None` where its pixel misses the object or is outside of the image.
-    #[inline]
-    fn quarter(&self, object: usize, uv: DVec2) -> Option<Quarter> {
-        let (width, height) = (self.view().width, self.view().height);
+    #[inline(always)]
+    fn quarter(&self, uv: DVec2) -> Option<Quarter> {
+        let [width, height] = self.counts;
         let (column, across) = pixel_at(uv.x, width)?;
         let (row, up) = pixel_at(uv.y, height)?;
         let own = row * width + column;
-        let (fronts, backs) = (self.front(object), self.back(object));
+        let [fronts, backs] = self.faces;
         if fronts[own] > backs[own] {
             return None;
         }
@@ -242,11 +258,10 @@ impl DepthLayers {
         let beside = |next: usize, own: usize| if is_inner { next } else { own };
         let (across, up) = (beside(across, column), beside(up, row));
         let corners = [own, row * width + across, up * width + column, up * width + across];
-        let jump = self.jump();
-        let smooth = |layer: &[f32]| {
-            let z = corners.map(|corner| layer[corner]);
+        let smooth = |face: &[f32]| {
+            let z = corners.map(|corner| face[corner]);
             let [low, high] = hull(hull([z[0]; 2], [z[1]; 2]), hull([z[2]; 2], [z[3]; 2]));
-            if high - low <= jump { z.map(f64::from) } else { [f64::from(z[0]); 4] }
+            if high - low <= self.jump { z.map(f64::from) } else { [f64::from(z[0]); 4] }
         };
         Some(Quarter { centre, front: smooth(fronts), back: smooth(backs) })
     }
@@ -254,29 +269,29 @@ impl DepthLayers {
 
 /// Along one axis, the pixel at a coordinate and the next pixel on the nearer side, which may be none of the image. Coordinates on
 /// the rim of the image are in it, others outside are in none.
-#[inline]
+#[inline(always)]
 fn pixel_at(coordinate: f64, count: usize) -> Option<(usize, usize)> {
     if !(-MARGIN_IN_PIXELS..=count as f64 + MARGIN_IN_PIXELS).contains(&coordinate) {
         return None;
     }
-    // Of conversions that mind what does not fit, this is the cheapest.
-    let pixel = (coordinate as i32).clamp(0, count as i32 - 1);
-    let is_before_centre = coordinate < f64::from(pixel) + 0.5;
-    let next = if is_before_centre { pixel - 1 } else { pixel + 1 };
-    Some((pixel as usize, next as usize))
+    // Of conversions that mind what does not fit, this is the cheapest. What is below zero becomes zero.
+    let pixel = (coordinate as u32 as usize).min(count - 1);
+    let is_before_centre = coordinate < pixel as u32 as f64 + 0.5;
+    let next = if is_before_centre { pixel.wrapping_sub(1) } else { pixel + 1 };
+    Some((pixel, next))
 }
 
-/// Along one axis, the pixels that an interval touches and their neighbours, and whether the interval is all in the
-/// image.
+/// Along one axis, the pixels that an interval touches and those that are interpolated with there, and whether the interval is all
+/// in the image.
 fn pixels_around(low: f64, high: f64, count: usize) -> (Range<usize>, bool) {
-    let start = (low - 1.0 - MARGIN_IN_PIXELS).max(0.0) as usize;
-    let end = ((high + 2.0 + MARGIN_IN_PIXELS).max(0.0) as usize).min(count);
+    let start = (low - 0.5 - MARGIN_IN_PIXELS).max(0.0) as u32 as usize;
+    let end = ((high + 1.5 + MARGIN_IN_PIXELS).max(0.0) as u32 as usize).min(count);
     (start.min(end)..end, low >= 0.0 && high <= count as f64)
 }
 
 /// A row or a column of pixels, and between which of them a segment leads.
 struct Line<'a> {
-    layers: [&'a [f32]; 2],
+    faces: [&'a [f32]; 2],
     axis: usize,
     stride: usize,
     base: usize,
@@ -286,20 +301,48 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    fn depth(&self, side: usize, pixel: usize) -> f32 {
-        self.layers[side][self.base + pixel * self.stride]
+    #[inline]
+    fn depths(&self, pixel: usize) -> [f32; 2] {
+        self.faces.map(|face| face[self.base + pixel * self.stride])
     }
 
+    #[inline]
     fn is_hit(&self, pixel: usize) -> bool {
-        self.depth(0, pixel) <= self.depth(1, pixel)
+        let [front, back] = self.depths(pixel);
+        front <= back
+    }
+
+    /// The pixel after another one on the segment's way.
+    #[inline]
+    fn after(&self, pixel: usize) -> usize {
+        if self.first <= self.last { pixel + 1 } else { pixel.wrapping_sub(1) }
     }
 
     /// The first pixel on the segment's way that meets the object.
+    #[inline]
     fn first_hit(&self) -> Option<usize> {
-        let Self { first, last, .. } = *self;
-        let mut pixels = first.min(last)..=first.max(last);
-        let is_hit = |pixel: &usize| self.is_hit(*pixel);
-        if first <= last { pixels.find(is_hit) } else { pixels.rev().find(is_hit) }
+        let mut pixel = self.first;
+        while !self.is_hit(pixel) {
+            if pixel == self.last {
+                return None;
+            }
+            pixel = self.after(pixel);
+        }
+        Some(pixel)
+    }
+
+    /// How much faces between two depths rise or fall from a pixel to the next one; zero where that misses the object.
+    #[inline]
+    fn rise_behind(&self, pixel: usize, [low, high]: [f64; 2]) -> f64 {
+        let behind = self.after(pixel);
+        if behind >= self.count || !self.is_hit(behind) {
+            return 0.0;
+        }
+        let [here, there] = [self.depths(pixel), self.depths(behind)].map(|depths| depths.map(f64::from));
+        let rise = |side: usize| {
+            if low < here[side] && here[side] < high { (there[side] - here[side]).abs() } else { 0.0 }
+        };
+        rise(0).max(rise(1))
     }
 
     /// Where the segment enters a pixel, in half pixels.
@@ -336,6 +379,11 @@ impl HalfPixelBorders {
         Self { axes }
     }
 
+    /// The same, to be walked from the end of the line.
+    fn backwards(&self) -> Self {
+        Self { axes: [&self.axes[0], &self.axes[1]].map(AxisBorders::backwards) }
+    }
+
     /// Number of crossings.
     fn count(&self) -> u32 {
         self.axes.iter().map(|axis| axis.end.abs_diff(axis.next)).sum()
@@ -355,6 +403,21 @@ impl HalfPixelBorders {
             }
         }
     }
+
+    /// The same on the way back: 0 after the last.
+    fn next_before(&mut self, t: f64) -> f64 {
+        loop {
+            let crossings = [&self.axes[0], &self.axes[1]].map(AxisBorders::crossing_back);
+            let axis = usize::from(crossings[1] > crossings[0]);
+            if crossings[axis] <= 0.0 {
+                return 0.0;
+            }
+            self.axes[axis].next += self.axes[axis].direction;
+            if crossings[axis] < t {
+                return crossings[axis];
+            }
+        }
+    }
 }
 
 impl AxisBorders {
@@ -366,11 +429,26 @@ impl AxisBorders {
         crossing
     }
 
+    /// Those on the way back.
+    fn backwards(&self) -> Self {
+        let (next, end) = (self.end - self.direction, self.next - self.direction);
+        Self { next, end, direction: -self.direction, ..*self }
+    }
+
     /// Where the next border is crossed; beyond the end of the line if there is none.
+    #[inline]
     fn crossing(&self) -> f64 {
-        if self.next == self.end {
-            return f64::INFINITY;
-        }
+        if self.next == self.end { f64::INFINITY } else { self.at_next() }
+    }
+
+    /// The same on the way back.
+    #[inline]
+    fn crossing_back(&self) -> f64 {
+        if self.next == self.end { f64::NEG_INFINITY } else { self.at_next() }
+    }
+
+    #[inline]
+    fn at_next(&self) -> f64 {
         (0.5 * f64::from(self.next) - self.from) * self.inverse
     }
 }

@@ -5,8 +5,10 @@
 //! each has a thickness.
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
+use super::pixel_row::{first_where, last_where, reduce};
 use super::{Earlier, LayerWall, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
+use crate::workers::vectorised;
 use glam::{DVec2, DVec3};
 
 /// An orthographic view of the domain along +z. Column 0 is at the smallest x, row 0 at the smallest y.
@@ -66,6 +68,8 @@ pub struct DepthLayers {
     objects: usize,
     front: Vec<f32>,
     back: Vec<f32>,
+    /// Edge lengths of a pixel.
+    pixel: DVec2,
     pixels_per_metre: DVec2,
     /// Neighbouring depths further apart belong to different surfaces.
     jump: f32,
@@ -81,6 +85,7 @@ impl DepthLayers {
             objects,
             front: vec![f32::INFINITY; len],
             back: vec![f32::NEG_INFINITY; len],
+            pixel,
             pixels_per_metre: 1.0 / pixel,
             jump: (JUMP_IN_PIXELS * pixel.max_element()) as f32,
         }
@@ -143,7 +148,12 @@ impl DepthLayers {
 
     /// The longer side of a pixel.
     pub(super) fn pixel_width(&self) -> f32 {
-        self.view.pixel_size().max_element() as f32
+        self.pixel.max_element() as f32
+    }
+
+    /// Edge lengths of a pixel.
+    pub(super) fn pixel_size(&self) -> DVec2 {
+        self.pixel
     }
 
     /// Continuous pixel coordinates of a point; pixel k covers k..k+1.
@@ -153,7 +163,7 @@ impl DepthLayers {
 
     /// The space between two depths over columns and rows from the first up to, without, the second, and a margin.
     pub(super) fn pixel_box(&self, columns: [usize; 2], rows: [usize; 2], depths: [f32; 2]) -> Aabb {
-        let pixel = self.view.pixel_size();
+        let pixel = self.pixel;
         let margin = (MARGIN_IN_PIXELS * pixel).extend(MARGIN_IN_PIXELS * pixel.max_element());
         let corner = |end: usize| {
             let at = DVec2::new(columns[end] as f64, rows[end] as f64);
@@ -169,6 +179,29 @@ impl DepthLayers {
         self.view == other.view && self.objects == other.objects
     }
 
+    /// The columns, the rows and the depths that an object is seen in.
+    #[inline(always)]
+    fn pixels_seen(&self, object: usize) -> Option<([usize; 2], [usize; 2], [f32; 2])> {
+        let width = self.view.width;
+        let rows = self.front(object).chunks_exact(width).zip(self.back(object).chunks_exact(width));
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let (mut columns, mut seen_rows) = ([width, 0], [self.view.height, 0]);
+        for (row, (fronts, backs)) in rows.enumerate() {
+            let nearest = reduce(fronts, f32::INFINITY, smaller);
+            let farthest = reduce(backs, f32::NEG_INFINITY, larger);
+            if nearest <= farthest {
+                (low, high) = (low.min(nearest), high.max(farthest));
+                seen_rows = [seen_rows[0].min(row), row + 1];
+                let is_hit = |front: f32, back: f32| front <= back;
+                let [before, end] = columns;
+                columns[0] = first_where(&fronts[..before], &backs[..before], is_hit).unwrap_or(before);
+                columns[1] =
+                    last_where(&fronts[end..], &backs[end..], is_hit).map_or(end, |last| end + last + 1);
+            }
+        }
+        (seen_rows[0] < seen_rows[1]).then_some((columns, seen_rows, [low, high]))
+    }
+
     fn pixels_of(&self, object: usize) -> std::ops::Range<usize> {
         let pixels = self.view.width * self.view.height;
         object * pixels..(object + 1) * pixels
@@ -176,18 +209,11 @@ impl DepthLayers {
 }
 
 /// Whether a ray either meets a front and then a back, or misses both.
+#[inline(always)]
 fn is_surface(front: f32, back: f32) -> bool {
     let met = (front > f32::NEG_INFINITY) & (front <= back) & (back < f32::INFINITY);
     let missed = (front == f32::INFINITY) & (back == f32::NEG_INFINITY);
     met | missed
-}
-
-/// The extreme one of some depths, found in lanes that do not wait for each other.
-fn reduce(depths: &[f32], start: f32, pick: impl Fn(f32, f32) -> f32) -> f32 {
-    let (chunks, rest) = depths.as_chunks::<16>();
-    let lanes =
-        chunks.iter().fold([start; 16], |lanes, chunk| std::array::from_fn(|i| pick(lanes[i], chunk[i])));
-    lanes.iter().chain(rest).fold(start, |extreme, &depth| pick(extreme, depth))
 }
 
 impl Surfaces for DepthLayers {
@@ -199,7 +225,11 @@ impl Surfaces for DepthLayers {
     fn validate(&self) -> Result<(), InvalidDepth> {
         let pairs = || self.front.iter().zip(&self.back);
         // All pixels first, without a branch for each; which one it is matters only when one is bad.
-        if pairs().fold(true, |good, (&front, &back)| good & is_surface(front, back)) {
+        let are_good = vectorised(
+            #[inline(always)]
+            || pairs().fold(true, |good, (&front, &back)| good & is_surface(front, back)),
+        );
+        if are_good {
             return Ok(());
         }
         match pairs().position(|(&front, &back)| !is_surface(front, back)) {
@@ -219,25 +249,11 @@ impl Surfaces for DepthLayers {
 
     /// A thousandth of a pixel wider than what is seen, so that rounding puts nothing outside.
     fn bounds(&self, object: usize) -> Aabb {
-        let width = self.view.width;
-        let rows = self.front(object).chunks_exact(width).zip(self.back(object).chunks_exact(width));
-        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
-        let (mut columns, mut seen_rows) = ([width, 0], [self.view.height, 0]);
-        for (row, (fronts, backs)) in rows.enumerate() {
-            let nearest = reduce(fronts, f32::INFINITY, smaller);
-            let farthest = reduce(backs, f32::NEG_INFINITY, larger);
-            if nearest <= farthest {
-                (low, high) = (low.min(nearest), high.max(farthest));
-                seen_rows = [seen_rows[0].min(row), row + 1];
-                let hit = |column: &usize| fronts[*column] <= backs[*column];
-                columns[0] = (0..columns[0]).find(hit).unwrap_or(columns[0]);
-                columns[1] = (columns[1]..width).rev().find(hit).map_or(columns[1], |last| last + 1);
-            }
-        }
-        if seen_rows[0] >= seen_rows[1] {
-            return Aabb::EMPTY;
-        }
-        self.pixel_box(columns, seen_rows, [low, high])
+        let found = vectorised(
+            #[inline(always)]
+            || self.pixels_seen(object),
+        );
+        found.map_or(Aabb::EMPTY, |(columns, rows, depths)| self.pixel_box(columns, rows, depths))
     }
 
     fn contains(&self, object: usize, point: DVec3) -> bool {

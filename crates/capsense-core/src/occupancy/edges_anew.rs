@@ -132,15 +132,14 @@ impl Room {
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
-        let is_alone = scene.bounds.len() == 1 && !scene.has_camera_walls;
-        if is_alone && !is_free && owners[0] == owners[1] {
-            // Nothing on an edge within a conductor matters, where no other body can be in a gap of it.
+        if owners[0] == owners[1] && !is_free && !scene.has_camera_walls {
+            // Nothing on an edge within a conductor matters.
             let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
             return Found { ends, coupling, is_met: true };
         }
         sight.walls.find_spans(scene, (edge, ends), spans);
-        if scene.is_at_electrode(ends) {
-            contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
+        if !spans.is_empty() && scene.is_at_electrode(ends) {
+            note_contacts(scene, (edge, ends), spans, contacts);
         }
         let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
         if let Some(through) = parallel.flatten() {
@@ -186,6 +185,17 @@ impl Room {
             None => covered,
         }
     }
+}
+
+/// Notes the conductors that touch electrodes at the ends of an edge. Few edges lead there.
+#[cold]
+fn note_contacts(
+    scene: &Scene<'_>,
+    (edge, ends): (usize, [u32; 2]),
+    spans: &[(u16, Span)],
+    contacts: &mut Vec<(u32, Contact)>,
+) {
+    contacts.extend(scene.contacts(ends, spans).map(|contact| (edge as u32, contact)));
 }
 
 #[cfg(test)]

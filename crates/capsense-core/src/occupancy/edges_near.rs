@@ -1,9 +1,10 @@
 //! Edges near which surfaces are others than before: finding them is most of an update on meshes that are no lattice, so threads
 //! share the regions.
 
+use super::EdgeGeometry;
+use super::changes::Changes;
 use super::index_set::IndexSet;
-use super::{EdgeGeometry, parallel};
-use crate::geometry::Aabb;
+use crate::mesh::{Edges, for_lattice_edges};
 use crate::workers::Workers;
 
 /// Fewer regions are not worth handing over.
@@ -26,26 +27,33 @@ impl EdgesNear {
         Self { edges, marked: IndexSet::below(edges), others: Vec::new() }
     }
 
-    /// Marks the edges near regions; up to the next planes of a lattice if what is beside an edge counts.
+    /// Marks the edges near where something differs; up to the next planes of a lattice if what is beside an edge counts.
     pub(super) fn mark(
         &mut self,
         workers: &Workers,
         mesh: &EdgeGeometry<'_>,
-        regions: &[Aabb],
+        changes: &Changes,
         looks_beside: bool,
     ) {
+        match mesh.edges {
+            Edges::Lattice(lattice) => self.share(workers, changes.planes(), |planes, set| {
+                let planes = lattice.up_to_next(planes, [looks_beside; 3], [looks_beside; 3]);
+                for_lattice_edges(lattice, &planes, |edge, _| set.insert(edge));
+            }),
+            edges @ Edges::List(_) => self.share(workers, changes.regions(), |region, set| {
+                edges.for_edges_near(mesh.nodes, region, |edge, _| set.insert(edge));
+            }),
+        }
+    }
+
+    /// Has threads mark the edges of regions.
+    fn share<T: Sync>(&mut self, workers: &Workers, regions: &[T], mark: impl Fn(&T, &mut IndexSet) + Sync) {
         let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
         self.others.resize_with(tasks - 1, || IndexSet::below(self.edges));
         let size = regions.len().div_ceil(tasks).max(REGIONS_OF_A_TASK);
         let sets = std::iter::once(&mut self.marked).chain(&mut self.others);
         workers.for_each(regions.chunks(size).zip(sets), |(regions, set)| {
-            for region in regions {
-                mesh.edges.for_edges_near(mesh.nodes, region, |edge, _| set.insert(edge));
-            }
-            for region in regions.iter().filter(|_| looks_beside) {
-                let around = parallel::up_to_planes(mesh.edges, region, 0..3);
-                mesh.edges.for_edges_near(mesh.nodes, &around, |edge, _| set.insert(edge));
-            }
+            regions.iter().for_each(|region| mark(region, set));
         });
         self.others.iter_mut().for_each(|other| self.marked.unite(other));
     }

@@ -18,6 +18,7 @@ mod index_set;
 mod interface;
 mod near_field;
 mod parallel;
+mod pixel_row;
 mod scene;
 mod silhouette;
 mod sorted;
@@ -245,13 +246,9 @@ impl Occupancy {
             self.elements = Some(elements);
         } else {
             let mut edges = std::mem::take(&mut self.scratch.edges);
-            let mark_edges = || edges.mark(workers, &mesh, changes.regions(), dependence.on_all_beside);
+            let mark_edges = || edges.mark(workers, &mesh, &changes, dependence.on_all_beside);
             let find_holders = || {
-                for region in changes.regions() {
-                    mesh.edges.for_nodes_near(mesh.nodes, region, |node| {
-                        self.set_holder(node, scene.holder(node));
-                    });
-                }
+                changes.for_nodes_near(&mesh, |node| self.set_holder(node, scene.holder(node)));
             };
             workers.both(mark_edges, find_holders);
             self.scratch.edges = edges;
@@ -311,10 +308,10 @@ impl Occupancy {
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
         let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
-            walls.update(workers, scene, changes.regions(), |edge| {
+            walls.update(workers, scene, changes.planes(), |edge| {
                 // Of edges along the rays, only those through a face have taps beside them.
-                let is_cut = self.couplings[edge] != Coupling::PLAIN;
-                if (is_cut || edge % 3 != camera_wall::RAYS) && !edges.marked().contains(edge) {
+                let may_differ = edge % 3 != camera_wall::RAYS || self.couplings[edge] != Coupling::PLAIN;
+                if may_differ && !edges.marked().contains(edge) {
                     around.insert(edge);
                 }
             });

@@ -23,7 +23,6 @@ use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
-use std::ops::Range;
 
 /// Dielectrics below this relative permittivity are weak.
 pub(super) const WEAK: f64 = 10.0;
@@ -57,21 +56,6 @@ const IN_FACE: f64 = 1e-9;
 fn in_face_distance(lattice: &Lattice) -> f64 {
     let size = |planes: &Vec<f64>| planes[planes.len() - 1] - planes[0];
     IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
-}
-
-/// A region up to the next planes of the lattice across some axes: edges whose lines along all of them touch the region touch this box.
-pub(super) fn up_to_planes(edges: &Edges, region: &Aabb, across: Range<usize>) -> Aabb {
-    let Edges::Lattice(lattice) = edges else { return *region };
-    let mut grown = *region;
-    for axis in across {
-        let planes = &lattice.axes()[axis];
-        let (low, high) = (region.min[axis], region.max[axis]);
-        let below = planes.partition_point(|&plane| plane < low).checked_sub(1);
-        grown.min[axis] = below.map_or(low, |below| planes[below]);
-        let above = planes.partition_point(|&plane| plane <= high);
-        grown.max[axis] = planes.get(above).copied().unwrap_or(high);
-    }
-    grown
 }
 
 /// How dielectrics fill a part of space.
@@ -277,15 +261,5 @@ mod tests {
         let of_rim: Vec<_> = quarters(&lattice, edge([0, 0, 1], 2)).collect();
         assert_eq!(of_rim, [([at(0.25, 0.5, 1.0), at(0.25, 0.5, 5.0)], at(0.25, 0.5, 0.0), 0.5)]);
         assert_eq!(quarters(&lattice, edge([2, 0, 0], 0)).count(), 0, "there is no such edge");
-    }
-
-    #[test]
-    fn boxes_grow_up_to_planes() {
-        let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
-        let edges = Edges::Lattice(Lattice::new(axes).unwrap());
-        let region = Aabb { min: DVec3::new(1.0, 2.5, -2.0), max: DVec3::new(1.0, 2.6, 9.0) };
-        let grown = up_to_planes(&edges, &region, 0..3);
-        assert_eq!(grown.min, DVec3::new(0.0, 2.0, -2.0));
-        assert_eq!(grown.max, DVec3::new(3.0, 3.0, 9.0));
     }
 }

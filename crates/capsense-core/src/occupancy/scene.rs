@@ -74,6 +74,7 @@ impl Scene<'_> {
     }
 
     /// Whether an end of an edge is on an electrode.
+    #[inline]
     pub(super) fn is_at_electrode(&self, ends: [u32; 2]) -> bool {
         ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]))
     }

@@ -65,10 +65,10 @@ impl DualFace {
         (front < back) & (front < self.planes[1]) & (self.planes[0] < back)
     }
 
-    /// What there is of a layer between the planes beside.
+    /// What there is of such a layer between the planes beside.
     #[inline]
-    pub(super) fn clipped(&self, layer: [f64; 2]) -> Option<[f64; 2]> {
-        self.has_between_planes(layer).then(|| [layer[0].max(self.planes[0]), layer[1].min(self.planes[1])])
+    pub(super) fn clipped(&self, layer: [f64; 2]) -> [f64; 2] {
+        [layer[0].max(self.planes[0]), layer[1].min(self.planes[1])]
     }
 
     /// How far the plane is before the nearer one of two faces, or behind it; zero between them.

@@ -2,8 +2,7 @@
 
 use super::RAYS;
 use super::dual_face::DualFace;
-use crate::geometry::Aabb;
-use crate::mesh::Lattice;
+use crate::mesh::{Lattice, Planes};
 use crate::occupancy::crossing::span_behind;
 use crate::occupancy::index_set::IndexSet;
 use crate::occupancy::{Scene, Span};
@@ -29,18 +28,16 @@ pub(super) struct RayLayers {
 }
 
 impl RayLayers {
-    /// Moves to the next frame, in which answers differ in some boxes.
-    pub(super) fn update(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Aabb]) {
+    /// Moves to the next frame, in which answers differ in boxes that some planes touch.
+    pub(super) fn update(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Planes]) {
         let columns = lattice.strides()[RAYS];
         if self.faces.len() != scene.bounds.len() {
             self.near = IndexSet::below(columns);
             self.faces.clear();
             self.faces.resize(scene.bounds.len(), vec![MISSED; columns]);
         }
-        let first = lattice.axes()[RAYS][0];
-        for region in regions {
-            let across = Aabb { min: region.min.with_z(first), max: region.max.with_z(first) };
-            lattice.for_rows_within(&across, |columns| self.near.insert_all(columns));
+        for [x, y, _] in regions {
+            lattice.for_rows_of(&[x.clone(), y.clone(), 0..1], |columns| self.near.insert_all(columns));
         }
         let Self { faces, near, .. } = self;
         near.drain(|column| {
@@ -72,17 +69,16 @@ impl RayLayers {
     pub(super) fn only_one(&self, face: &DualFace, columns: [usize; 2]) -> Option<Layer> {
         let mut only = None;
         for (object, faces) in self.faces.iter().enumerate() {
-            let (end, faces) = match columns.map(|column| face.clipped(faces[column])) {
-                [None, None] => continue,
-                [Some(faces), None] => (0, faces),
-                [None, Some(faces)] => (1, faces),
-                [Some(_), Some(_)] => return None,
-            };
-            let layer = Some(Layer { object, end, faces });
-            if std::mem::replace(&mut only, layer).is_some() {
+            let are_met = columns.map(|column| face.has_between_planes(faces[column]));
+            if are_met == [false; 2] {
+                continue;
+            }
+            if are_met == [true; 2] || only.is_some() {
                 return None;
             }
+            only = Some((object, usize::from(are_met[1])));
         }
-        only
+        let (object, end) = only?;
+        Some(Layer { object, end, faces: face.clipped(self.faces[object][columns[end]]) })
     }
 }

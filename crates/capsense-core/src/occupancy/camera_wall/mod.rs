@@ -27,11 +27,10 @@ mod layers;
 
 use super::coupling::SMALLEST_PART;
 use super::index_set::IndexSet;
-use super::parallel::{is_weak, up_to_planes};
+use super::parallel::is_weak;
 use super::{Coupling, NO_OBJECT, Scene, Span, Surfaces};
-use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Edges, Lattice};
+use crate::mesh::{Edges, Lattice, Planes};
 use crate::sensor::FREE;
 use crate::workers::Workers;
 use beside::BesideWall;
@@ -70,12 +69,13 @@ impl CameraWalls {
         Self { known: IndexSet::below(edges), near: IndexSet::below(nodes), ..Self::default() }
     }
 
-    /// Moves to the next frame, in which answers differ in some boxes, and visits the edges that other walls leave something else of.
+    /// Moves to the next frame, in which answers differ in boxes that some planes touch, and visits the edges that other walls leave
+    /// something else of.
     pub(super) fn update(
         &mut self,
         workers: &Workers,
         scene: &Scene<'_>,
-        regions: &[Aabb],
+        regions: &[Planes],
         mut visit: impl FnMut(usize),
     ) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
@@ -83,11 +83,13 @@ impl CameraWalls {
             self.layers.clear();
             self.known.drain(|_| ());
             let all = self.of_edges.drain();
-            all.for_each(|(edge, wall)| for_edges_of(lattice, edge as usize, &wall, &mut visit));
+            all.for_each(|(edge, wall)| {
+                for_edges_of(lattice, edge as usize, [Some(&wall), None], &mut visit)
+            });
             return;
         }
         self.layers.update(scene, lattice, regions);
-        self.ask(scene, lattice, regions, &mut visit);
+        self.ask(lattice, regions, &mut visit);
         let Self { of_edges, known, asked, found, .. } = self;
         found.resize(asked.len(), None);
         let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
@@ -110,18 +112,18 @@ impl CameraWalls {
                 }
             };
             if before != *now {
-                let both = before.iter().chain(now.iter());
-                both.for_each(|wall| for_edges_of(lattice, edge as usize, wall, &mut visit));
+                for_edges_of(lattice, edge as usize, [before.as_ref(), now.as_ref()], &mut visit);
             }
         }
     }
 
     /// Collects the edges whose dual faces touch some boxes and that a body ends at, and forgets the others there.
-    fn ask(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Aabb], visit: &mut impl FnMut(usize)) {
+    fn ask(&mut self, lattice: &Lattice, regions: &[Planes], visit: &mut impl FnMut(usize)) {
         let Self { of_edges, known, layers, near, asked, .. } = self;
-        for region in regions {
-            let around = up_to_planes(scene.mesh.edges, region, RAYS..RAYS + 1);
-            lattice.for_rows_within(&with_planes_before(lattice, &around), |nodes| near.insert_all(nodes));
+        for planes in regions {
+            // Of edges across the rays that touch a box, the first ends are before it.
+            let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
+            lattice.for_rows_of(&starts, |nodes| near.insert_all(nodes));
         }
         asked.clear();
         let (strides, counts) = (lattice.strides(), lattice.node_counts());
@@ -141,7 +143,7 @@ impl CameraWalls {
                     } else if known.contains(edge) {
                         known.remove(edge);
                         let before = of_edges.remove(&(edge as u32));
-                        before.iter().for_each(|wall| for_edges_of(lattice, edge, wall, visit));
+                        for_edges_of(lattice, edge, [before.as_ref(), None], visit);
                     }
                 }
                 place[0] += 1;
@@ -279,23 +281,19 @@ impl CameraWalls {
     }
 }
 
-/// Visits an edge beside a wall, and those along the rays that taps of it may be beside.
-fn for_edges_of(lattice: &Lattice, edge: usize, wall: &BesideWall, visit: &mut impl FnMut(usize)) {
+/// Visits an edge beside a wall, and those along the rays that taps of it may be beside, before or now.
+fn for_edges_of(
+    lattice: &Lattice,
+    edge: usize,
+    walls: [Option<&BesideWall>; 2],
+    visit: &mut impl FnMut(usize),
+) {
     visit(edge);
-    if wall.past.tap != 0.0 {
+    let has_tap = |end: u8| walls.iter().flatten().any(|wall| wall.end == end && wall.past.tap != 0.0);
+    for end in [0, 1].into_iter().filter(|&end| has_tap(end)) {
         let across = lattice.strides()[edge % 3];
-        let node = edge / 3 + usize::from(wall.end) * across;
+        let node = edge / 3 + usize::from(end) * across;
         let below = node.checked_sub(lattice.strides()[RAYS]);
         [Some(node), below].into_iter().flatten().for_each(|start| visit(3 * start + RAYS));
     }
-}
-
-/// A box with the planes before it across the rays: of all edges that touch it, the first ends are in there.
-fn with_planes_before(lattice: &Lattice, around: &Aabb) -> Aabb {
-    let mut grown = *around;
-    for (axis, planes) in lattice.axes()[..RAYS].iter().enumerate() {
-        let inside = planes.partition_point(|&plane| plane < around.min[axis]);
-        grown.min[axis] = around.min[axis].min(planes[inside.saturating_sub(1)]);
-    }
-    grown
 }

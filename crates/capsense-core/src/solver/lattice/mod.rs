@@ -92,8 +92,7 @@ pub(crate) struct LatticeSolver {
     held: Held,
     /// Room for one node.
     node: NodeCharges,
-    /// Where the rows are that changed, and what is worked on there.
-    places: Vec<Place>,
+    /// Where rows changed, and what is worked on there.
     blocks: Blocks,
     room: Room,
     /// How threads share the planes, and storage for each.
@@ -141,7 +140,6 @@ impl LatticeSolver {
             of_free: vec![0.0; columns * columns],
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
-            places: Vec::new(),
             blocks: Blocks::new(&of_nodes, columns),
             room: Room::new(&of_nodes, &layout),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
@@ -244,7 +242,6 @@ impl LatticeSolver {
     pub(crate) fn settle(&mut self) {
         self.hierarchy.settle();
         self.blocks.settle();
-        self.places = Vec::new();
     }
 
     /// Where a node stands in the vectors.
@@ -276,7 +273,6 @@ impl LatticeSolver {
             held,
             state,
             node,
-            places,
             blocks,
             room,
             workers,
@@ -286,7 +282,6 @@ impl LatticeSolver {
         let can_wait = increment.is_to_stand();
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {
-            places.clear();
             for &node in changed {
                 let row = node as usize;
                 let indices = of_nodes.indices(row);
@@ -296,7 +291,6 @@ impl LatticeSolver {
                     held.list(&layout, potentials, node, place);
                 }
                 blocks.list(&of_nodes, place, indices[2]);
-                places.push(place);
             }
             links.collect(&of_nodes, &layout, matrix);
         };
@@ -308,7 +302,7 @@ impl LatticeSolver {
             let mut rows =
                 Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
             rows.refresh(arch);
-            rows.relax(places);
+            rows.relax(changed);
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
