@@ -15,7 +15,27 @@ pub(super) struct Place {
     pub(super) first: usize,
 }
 
+/// The same in half the room.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StoredPlace {
+    colour: u32,
+    at: u32,
+    first: u32,
+}
+
+impl StoredPlace {
+    #[inline(always)]
+    pub(super) fn get(self) -> Place {
+        Place { colour: self.colour as usize, at: self.at as usize, first: self.first as usize }
+    }
+}
+
 impl Place {
+    #[inline(always)]
+    pub(super) fn stored(self) -> StoredPlace {
+        StoredPlace { colour: self.colour as u32, at: self.at as u32, first: self.first as u32 }
+    }
+
     /// That of a node by its number, in two layouts.
     pub(super) fn of(node: usize, of_nodes: &Layout, of_vectors: &Layout) -> Self {
         Self::at(of_nodes.indices(node), of_nodes, of_vectors)

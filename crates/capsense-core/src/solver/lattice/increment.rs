@@ -21,9 +21,6 @@ use crate::solver::worth::{self, Worth};
 use pulp::Simd;
 use std::ops::Range;
 
-/// Hardly more frames in a row than so many do without a step (`foresight`).
-const STAND: usize = 3;
-
 /// The last change of the fields.
 #[derive(Clone, Debug)]
 pub(super) struct Increment {
@@ -39,8 +36,6 @@ pub(super) struct Increment {
     /// Whether the fields have taken a step since they were ahead; how far they were, for the next step to catch up with,
     /// and what d is multiplied with before the step is added to it.
     pub(super) has_moved: bool,
-    /// In how many frames in a row the fields have not.
-    stood: usize,
     lead: Vec<f32>,
     kept: Vec<f32>,
     /// What going ahead has gained lately, and whether the steps under way are followed.
@@ -170,7 +165,6 @@ impl Increment {
             energies: vec![0.0; columns * columns],
             residual: vec![0.0; columns],
             has_moved: false,
-            stood: 0,
             lead: vec![0.0; columns],
             kept: vec![0.0; columns],
             worth: Worth::default(),
@@ -206,12 +200,6 @@ impl Increment {
         }
         let own = |of: &[f64]| of.iter().step_by(self.sums.columns + 1).sum::<f64>();
         self.worth.learn(-own(&self.energies), own(gains));
-    }
-
-    /// Tells of a frame. Returns whether the fields are likely to stand still in it, as far as the frames before tell.
-    pub(super) fn is_to_stand(&mut self) -> bool {
-        self.stood = if self.has_moved { 0 } else { self.stood + 1 };
-        self.is_known && self.stood < STAND
     }
 
     /// How far a column with such an energy would go if it went now.

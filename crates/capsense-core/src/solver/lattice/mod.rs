@@ -279,7 +279,7 @@ impl LatticeSolver {
             ..
         } = self;
         let arch = *arch;
-        let can_wait = increment.is_to_stand();
+        let can_wait = increment.is_known;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {
             for &node in changed {

@@ -3,7 +3,7 @@
 //! They are computed in blocks of successive nodes, as where all fields are moved: a block takes less time than its nodes take
 //! one by one, even if only one of them changed. What comes out for the others is what they had, but for rounding.
 
-use super::charges::Place;
+use super::charges::{Place, StoredPlace};
 use super::increment::{self, Increment};
 use super::layout::{BLOCK, Coloured, Layout, RED};
 use super::level::Level;
@@ -32,7 +32,7 @@ pub(super) struct Refreshed<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
     /// Where they start, in the order in which they were found.
-    starts: Vec<Place>,
+    starts: Vec<StoredPlace>,
     /// By colour and place of the first node in whole blocks.
     is_listed: Coloured<bool>,
     of_block: Vec<OfColumn>,
@@ -84,7 +84,7 @@ impl Blocks {
         let within = (at - plane.start) % BLOCK;
         let (at, first) = (at - within, first - within);
         if !std::mem::replace(&mut self.is_listed[colour][at / BLOCK], true) {
-            self.starts.push(Place { colour, at, first });
+            self.starts.push(Place { colour, at, first }.stored());
         }
     }
 
@@ -95,7 +95,8 @@ impl Blocks {
 
     /// Forgets all blocks and changes.
     fn clear(&mut self) {
-        for Place { colour, at, .. } in self.starts.drain(..) {
+        for start in self.starts.drain(..) {
+            let Place { colour, at, .. } = start.get();
             self.is_listed[colour][at / BLOCK] = false;
         }
         let Changes { products, residual, .. } = &mut self.changes;
@@ -158,7 +159,7 @@ impl<K: Network> WithSimd for Blockwise<'_, K> {
     fn with_simd<S: Simd>(mut self, simd: S) {
         for start in (0..self.blocks.starts.len()).step_by(PIECE / BLOCK) {
             for block in start..self.blocks.starts.len().min(start + PIECE / BLOCK) {
-                let Place { colour, at, first } = self.blocks.starts[block];
+                let Place { colour, at, first } = self.blocks.starts[block].get();
                 let nodes = Nodes { colour, places: at..at + BLOCK, first };
                 self.take_residuals(simd, &nodes);
                 self.take_charges(simd, &nodes);

@@ -10,7 +10,7 @@
 //! side. The rest follows once from what they were and what they have become. With C, the change of the fields, r becomes
 //! r - K C; so, K being symmetric, products with r change by products with C, which is zero at all but the relaxed nodes.
 
-use super::charges::Place;
+use super::charges::{Place, StoredPlace};
 use super::groups::{GROUP, Group};
 use super::layout::{Coloured, Layout};
 use super::level::Level;
@@ -40,7 +40,7 @@ pub(super) struct Room {
     relaxed: Vec<Relaxed>,
     fields: Vec<Field>,
     /// Where nodes are and their residuals by their number here, from 1 on: 0 stands for all that are held.
-    places: Vec<Place>,
+    places: Vec<StoredPlace>,
     residuals: Vec<Residual>,
     /// The number of each node, zero where it has none.
     numbers: Coloured<u32>,
@@ -118,7 +118,10 @@ impl Room {
     /// Forgets all nodes.
     fn clear(&mut self) {
         let Self { nodes, relaxed, fields, places, residuals, numbers, products, .. } = self;
-        places.drain(..).for_each(|Place { colour, at, .. }| numbers[colour][at] = 0);
+        for place in places.drain(..) {
+            let Place { colour, at, .. } = place.get();
+            numbers[colour][at] = 0;
+        }
         nodes.clear();
         relaxed.clear();
         fields.clear();
@@ -138,7 +141,7 @@ impl Room {
         let Level { b, charges, .. } = finest;
         let number = self.places.len() as u32;
         self.numbers[place.colour][place.at] = number;
-        self.places.push(place);
+        self.places.push(place.stored());
         let (b, charges) = (&b[place.colour], &charges[place.colour]);
         for group in &self.groups {
             let now = Vec4::from_array(group.gather(b, place.first));
@@ -226,7 +229,7 @@ impl Refreshed<'_> {
             *ahead = group.of_columns(|column| increment.length(column, energy(column)) as f32);
             *per_energy = group.of_columns(|column| energy(column).recip() as f32);
         }
-        room.places.push(Place { colour: 0, at: 0, first: 0 });
+        room.places.push(Place { colour: 0, at: 0, first: 0 }.stored());
         room.residuals.resize(room.groups.len(), Residual::default());
         for &node in nodes {
             let place = Place::of(node as usize, of_nodes, &layout);
@@ -256,7 +259,7 @@ impl Refreshed<'_> {
     /// Takes the potential of a node that is to be relaxed, and what is around it. Returns how many others it is behind.
     fn meet(&mut self, index: usize) -> u32 {
         let Self { of_nodes, finest, potentials, links, room, .. } = self;
-        let (finest, place, groups) = (&**finest, room.places[index + 1], room.groups.len());
+        let (finest, place, groups) = (&**finest, room.places[index + 1].get(), room.groups.len());
         let (layout, other) = (finest.layout, 1 - place.colour);
         let (number, first) = (room.relaxed.len() as u32, room.fields.len());
         for group in &room.groups {
@@ -294,7 +297,7 @@ impl Refreshed<'_> {
         let (layout, groups) = (finest.layout, room.groups.len());
         for relaxed in 0..room.relaxed.len() {
             let number = room.relaxed[relaxed].node as usize + 1;
-            let place @ Place { colour, first, .. } = room.places[number];
+            let place @ Place { colour, first, .. } = room.places[number].get();
             for group in 0..groups {
                 let field = &room.fields[relaxed * groups + group];
                 let residual = &room.residuals[number * groups + group];
@@ -338,7 +341,8 @@ impl Refreshed<'_> {
                 let (now, before) = (residual.now.as_dvec4(), residual.before.as_dvec4());
                 squares += now * now - before * before;
                 crossed += residual.of_increment.as_dvec4() * (now - before);
-                group.scatter(&mut finest.b[place.colour], place.first, residual.now);
+                let Place { colour, first, .. } = place.get();
+                group.scatter(&mut finest.b[colour], first, residual.now);
             }
             for (lane, column) in group.columns().enumerate() {
                 state.residual[column] += squares[lane];
