@@ -5,7 +5,7 @@ use super::coupling::{Coupling, EdgeRule};
 use super::near_field::{Row, Wedges};
 use super::scene::Scene;
 use super::{Contact, NO_OBJECT, Span};
-use crate::workers::Workers;
+use crate::workers::{Workers, vectorised};
 
 /// So many edges keep a thread busy for ten times as long as it takes to hand them over.
 const EDGES_OF_A_TASK: usize = 128;
@@ -176,7 +176,10 @@ impl Room {
         let covered = if wedges.may_be_beside(ends, owners) {
             let Self { spans, beside, breaks, row, .. } = self;
             let star = wedges.star(ends[0] as usize, row);
-            scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut)
+            vectorised(
+                #[inline(always)]
+                || scene.at_silhouette((edge, &star), owners, spans, beside, breaks, cut),
+            )
         } else {
             cut
         };

@@ -24,7 +24,6 @@ use super::coupling::{EdgeRule, SMALLEST_PART};
 use super::near_field::{Star, larger, smaller, span_in_box};
 use super::{Coupling, Frame, NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
-use crate::workers::vectorised;
 use glam::DVec3;
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
@@ -314,7 +313,7 @@ impl Scene<'_> {
 
     /// Corrects what the edge rule makes of an edge for the part of its box that meets the conductor. `on_edge` are the
     /// spans of the edge, `star` what is around its first node, `others` working storage.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn at_silhouette(
         &self,
         (edge, star): (usize, &Star<'_>),
@@ -327,22 +326,6 @@ impl Scene<'_> {
         if owners.iter().all(|&owner| owner != NO_OBJECT) {
             return cut;
         }
-        vectorised(
-            #[inline(always)]
-            || self.in_tube((edge, star), owners, on_edge, others, breaks, cut),
-        )
-    }
-
-    #[inline(always)]
-    fn in_tube(
-        &self,
-        (edge, star): (usize, &Star<'_>),
-        owners: [u16; 2],
-        on_edge: &[(u16, Span)],
-        others: &mut Vec<(u16, Span)>,
-        breaks: &mut Vec<f64>,
-        cut: Coupling,
-    ) -> Coupling {
         let Some(tube) = Tube::of(star, edge % 3) else { return cut };
         let mut conductors = on_edge.iter().filter(|(object, _)| self.is_conductor(usize::from(*object)));
         match (conductors.next(), conductors.next()) {

@@ -76,7 +76,7 @@ impl NodeCharges {
     }
 
     /// The same in any fields; `linked` gives the charge in a column with what links to objects take from it.
-    pub(super) fn look_in<K: Network>(
+    fn look_in<K: Network>(
         &mut self,
         network: K,
         x: &Coloured<K::Value>,

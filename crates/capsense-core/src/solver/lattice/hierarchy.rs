@@ -226,11 +226,13 @@ pub(super) struct Coarser<'a> {
 }
 
 impl Coarser<'_> {
-    /// Recomputes them where the finest level changed, if that is due.
+    /// Whether they are to follow the finest level now.
+    pub(super) fn are_due(&self) -> bool {
+        self.is_due
+    }
+
+    /// Recomputes them where the finest level changed.
     pub(super) fn refresh(self, workers: &Workers, arch: Arch) {
-        if !self.is_due {
-            return;
-        }
         let (mut fine, mut changed) = (self.finest, &*self.pending);
         for transfer in &mut *self.transfers {
             transfer.refresh(workers, arch, fine, changed);

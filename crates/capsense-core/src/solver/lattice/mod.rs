@@ -297,7 +297,7 @@ impl LatticeSolver {
         workers.both(finest, besides);
         let (finest, coarser) = hierarchy.split();
         let links = &*links;
-        let residuals = || {
+        let mut residuals = || {
             increment.forget_energies();
             let mut rows =
                 Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
@@ -306,7 +306,11 @@ impl LatticeSolver {
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
-        workers.both(|| coarser.refresh(workers, arch), residuals);
+        if coarser.are_due() {
+            workers.both(|| coarser.refresh(workers, arch), residuals);
+        } else {
+            residuals();
+        }
     }
 }
 

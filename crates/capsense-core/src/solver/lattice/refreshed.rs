@@ -157,8 +157,9 @@ impl<K: Network> WithSimd for Blockwise<'_, K> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        for start in (0..self.blocks.starts.len()).step_by(PIECE / BLOCK) {
-            for block in start..self.blocks.starts.len().min(start + PIECE / BLOCK) {
+        let (blocks, few) = (self.blocks.starts.len(), PIECE / BLOCK);
+        for start in (0..blocks).step_by(few) {
+            for block in start..blocks.min(start + few) {
                 let Place { colour, at, first } = self.blocks.starts[block].get();
                 let nodes = Nodes { colour, places: at..at + BLOCK, first };
                 self.take_residuals(simd, &nodes);
