@@ -196,6 +196,35 @@ impl Lattice {
         })
     }
 
+    /// The planes across each axis that are at most half-way to the next plane from some part of a box, given those that
+    /// touch it.
+    fn planes_half_way(&self, bounds: &Aabb, touching: &Planes) -> Planes {
+        std::array::from_fn(|axis| {
+            let (planes, Range { start, end }) = (&self.axes()[axis], touching[axis].clone());
+            let half_way_to = |plane: usize| 0.5 * (planes[plane - 1] + planes[plane]);
+            let is_before = start > 0 && start < planes.len() && bounds.min[axis] <= half_way_to(start);
+            let is_behind = end > 0 && end < planes.len() && bounds.max[axis] >= half_way_to(end);
+            start - usize::from(is_before)..end + usize::from(is_behind)
+        })
+    }
+
+    /// Visits all edges whose boxes, up to half-way to the next edges beside them, touch a box, each once, given the planes that
+    /// touch it.
+    pub(crate) fn for_edges_half_way(
+        &self,
+        bounds: &Aabb,
+        touching: &Planes,
+        mut visit: impl FnMut(usize),
+    ) {
+        let beside = self.planes_half_way(bounds, touching);
+        for axis in 0..3 {
+            let mut nodes = beside.clone();
+            let Range { start, end } = touching[axis];
+            nodes[axis] = start.saturating_sub(1)..end.min(self.node_counts()[axis] - 1);
+            self.for_rows_of(&nodes, |row| row.for_each(|node| visit(3 * node + axis)));
+        }
+    }
+
     /// The same, or where the box lies between two, up to the next planes before and behind it across some axes.
     pub(crate) fn up_to_next(&self, planes: &Planes, before: [bool; 3], behind: [bool; 3]) -> Planes {
         std::array::from_fn(|axis| {

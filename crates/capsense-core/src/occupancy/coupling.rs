@@ -66,6 +66,19 @@ pub(super) fn touches(span: Span) -> [bool; 2] {
     [span.enter < SMALLEST_PART, span.exit > 1.0 - SMALLEST_PART]
 }
 
+/// What multiplies the weight of an edge that passes through one dielectric, given by its permittivity over the background's.
+#[inline]
+pub(super) fn past_one(span: Span, ratio: f64) -> f64 {
+    1.0 / series_past_one(span, ratio, [0.0, 1.0])
+}
+
+/// ∫ ε_background/ε dt from `a` to `b`, with one dielectric in between.
+#[inline]
+fn series_past_one(span: Span, ratio: f64, [a, b]: [f64; 2]) -> f64 {
+    let (enter, exit) = (span.enter.clamp(a, b), span.exit.clamp(a, b));
+    (enter - a) + (exit - enter) / ratio + (b - exit)
+}
+
 /// One edge and the objects around it.
 pub(super) struct EdgeRule<'a> {
     /// The conductor that holds each end, or [`NO_OBJECT`].
@@ -81,6 +94,9 @@ impl EdgeRule<'_> {
     /// Applies the rule. `breaks` is working storage.
     pub(super) fn coupling(self, breaks: &mut Vec<f64>) -> Coupling {
         let [from, to] = self.owners;
+        if self.owners == [NO_OBJECT; 2] && self.conductors().next().is_none() {
+            return self.only_through(0.0, 1.0, breaks);
+        }
         if from == to && (from != NO_OBJECT || self.spans.is_empty()) {
             return Coupling::PLAIN;
         }
@@ -149,8 +165,13 @@ impl EdgeRule<'_> {
     /// the first listed counts.
     fn series(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> f64 {
         let b = b.max(a + SMALLEST_PART);
-        if self.dielectrics().next().is_none() {
-            return b - a;
+        let mut dielectrics = self.dielectrics();
+        match (dielectrics.next(), dielectrics.next()) {
+            (None, _) => return b - a,
+            (Some((permittivity, span)), None) => {
+                return series_past_one(span, permittivity / self.background, [a, b]);
+            }
+            _ => {}
         }
         breaks.clear();
         breaks.extend([a, b]);

@@ -4,7 +4,8 @@
 //! holds up to its border, so that no jump is taken for a surface. Every answer is a function of the segment and of
 //! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
 
-use super::{DepthLayers, LayerWall, Span};
+use super::{DepthLayers, LayerWall, LayersWithin, Side, Span};
+use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
 use std::ops::Range;
 
@@ -13,12 +14,6 @@ pub(super) const JUMP_IN_PIXELS: f64 = 4.0;
 
 /// Rounding moves no border and no surface by more than this many pixel widths.
 pub(super) const MARGIN_IN_PIXELS: f64 = 1e-3;
-
-/// Where something lies as a whole.
-enum Side {
-    Inside,
-    Outside,
-}
 
 /// No depths, as an interval.
 pub(super) const NOWHERE: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
@@ -131,9 +126,9 @@ impl DepthLayers {
             return seen.quarter(uv[0])?.span(uv, z, [0.0, 1.0]);
         }
         if borders.count() > 1 {
-            let margin = MARGIN_IN_PIXELS * f64::from(self.pixel_width());
-            match seen.side_of_all(uv, [a.z.min(b.z), a.z.max(b.z)], margin) {
-                Some(Side::Inside) => return Some(Span { enter: 0.0, exit: 1.0 }),
+            let (part, heights) = ([uv[0].min(uv[1]), uv[0].max(uv[1])], [a.z.min(b.z), a.z.max(b.z)]);
+            match seen.layers_within(part, self.margin(heights)).side_of(heights) {
+                Some(Side::Inside) => return Some(Span::WHOLE),
                 Some(Side::Outside) => return None,
                 None => {}
             }
@@ -156,6 +151,17 @@ impl DepthLayers {
             end = start;
         }
         Some(first)
+    }
+
+    /// Between which depths front and back of an object are in a box.
+    pub(super) fn layers_in_box(&self, object: usize, &Aabb { min, max }: &Aabb) -> LayersWithin {
+        let part = [min, max].map(|point| self.pixel_coordinates(point));
+        self.seen(object).layers_within(part, self.margin([min.z, max.z]))
+    }
+
+    /// What rounding does to surfaces between two depths.
+    fn margin(&self, [low, high]: [f64; 2]) -> f64 {
+        MARGIN_IN_PIXELS * f64::from(self.pixel_width()) + 1e-9 * (low.abs() + high.abs())
     }
 
     /// Where that walk first meets an object along a row or a column of the image, if it is inside as soon as a pixel starts: where
@@ -215,30 +221,24 @@ impl<'a> Seen<'a> {
         quarter.span(t.map(uv_at), t.map(|t| z[0] + (z[1] - z[0]) * t), t)
     }
 
-    /// Whether all that lies between two heights, in the pixels that a segment passes, is inside or outside of the
-    /// object, by such a margin that walking along the segment finds the same.
+    /// Between which depths front and back are in a part of the image, with such a margin that walking along any segment there
+    /// finds nothing else. Where it is not all in the image, nothing is behind the front.
     #[inline]
-    fn side_of_all(&self, [a, b]: [DVec2; 2], [low, high]: [f64; 2], margin: f64) -> Option<Side> {
+    fn layers_within(&self, [min, max]: [DVec2; 2], margin: f64) -> LayersWithin {
         let [width, height] = self.counts;
-        let (columns, all_columns) = pixels_around(a.x.min(b.x), a.x.max(b.x), width);
-        let (rows, all_rows) = pixels_around(a.y.min(b.y), a.y.max(b.y), height);
+        let (columns, all_columns) = pixels_around(min.x, max.x, width);
+        let (rows, all_rows) = pixels_around(min.y, max.y, height);
         let (mut front, mut back) = (NOWHERE, NOWHERE);
         for row in rows {
             let pixels = row * width + columns.start..row * width + columns.end;
             front = self.faces[0][pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
             back = self.faces[1][pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
         }
-        let margin = margin + 1e-9 * (low.abs() + high.abs());
-        let ([first_front, last_front], [first_back, last_back]) =
-            (front.map(f64::from), back.map(f64::from));
-        if high < first_front - margin || low > last_back + margin {
-            Some(Side::Outside)
-        } else if all_columns && all_rows && low > last_front + margin && high < first_back - margin {
-            // Rays that miss have their front at the far end, so that none is among these.
-            Some(Side::Inside)
-        } else {
-            None
-        }
+        // The front of rays that miss is beyond everything.
+        let last_front = if all_columns && all_rows { front[1] } else { f32::INFINITY };
+        let with_margin =
+            |[first, last]: [f32; 2]| [f64::from(first) - margin, f64::from(last) + margin];
+        LayersWithin { front: with_margin([front[0], last_front]), back: with_margin(back) }
     }
 
     /// The quarter pixel around a point; `None` where its pixel misses the object or is outside of the image.

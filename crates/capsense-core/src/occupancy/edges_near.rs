@@ -4,6 +4,7 @@
 use super::EdgeGeometry;
 use super::changes::Changes;
 use super::index_set::IndexSet;
+use crate::geometry::Aabb;
 use crate::mesh::{Edges, for_lattice_edges};
 use crate::workers::Workers;
 
@@ -27,7 +28,8 @@ impl EdgesNear {
         Self { edges, marked: IndexSet::below(edges), others: Vec::new() }
     }
 
-    /// Marks the edges near where something differs; up to the next planes of a lattice if what is beside an edge counts.
+    /// Marks the edges near where something differs; on a lattice also those beside it, up to half-way to the next, if what is
+    /// beside an edge counts.
     pub(super) fn mark(
         &mut self,
         workers: &Workers,
@@ -36,24 +38,34 @@ impl EdgesNear {
         looks_beside: bool,
     ) {
         match mesh.edges {
-            Edges::Lattice(lattice) => self.share(workers, changes.planes(), |planes, set| {
-                let planes = lattice.up_to_next(planes, [looks_beside; 3], [looks_beside; 3]);
-                for_lattice_edges(lattice, &planes, |edge, _| set.insert(edge));
+            Edges::Lattice(lattice) => self.share(workers, changes.regions(), |at, region, set| {
+                let planes = &changes.planes()[at];
+                if looks_beside {
+                    lattice.for_edges_half_way(region, planes, |edge| set.insert(edge));
+                } else {
+                    for_lattice_edges(lattice, planes, |edge, _| set.insert(edge));
+                }
             }),
-            edges @ Edges::List(_) => self.share(workers, changes.regions(), |region, set| {
+            edges @ Edges::List(_) => self.share(workers, changes.regions(), |_, region, set| {
                 edges.for_edges_near(mesh.nodes, region, |edge, _| set.insert(edge));
             }),
         }
     }
 
-    /// Has threads mark the edges of regions.
-    fn share<T: Sync>(&mut self, workers: &Workers, regions: &[T], mark: impl Fn(&T, &mut IndexSet) + Sync) {
+    /// Has threads mark the edges of regions, each told with its number.
+    fn share(
+        &mut self,
+        workers: &Workers,
+        regions: &[Aabb],
+        mark: impl Fn(usize, &Aabb, &mut IndexSet) + Sync,
+    ) {
         let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
         self.others.resize_with(tasks - 1, || IndexSet::below(self.edges));
         let size = regions.len().div_ceil(tasks).max(REGIONS_OF_A_TASK);
         let sets = std::iter::once(&mut self.marked).chain(&mut self.others);
-        workers.for_each(regions.chunks(size).zip(sets), |(regions, set)| {
-            regions.iter().for_each(|region| mark(region, set));
+        let parts = (0..).step_by(size).zip(regions.chunks(size));
+        workers.for_each(parts.zip(sets), |((first, regions), set)| {
+            (first..).zip(regions).for_each(|(at, region)| mark(at, region, set));
         });
         self.others.iter_mut().for_each(|other| self.marked.unite(other));
     }

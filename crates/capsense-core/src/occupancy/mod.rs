@@ -33,7 +33,7 @@ pub(crate) use index_set::IndexList;
 pub use interface::Interface;
 pub(crate) use near_field::span_in_box;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
-pub use surfaces::{Frame, LayerWall, Span, Surfaces};
+pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 
 use crate::material::Material;

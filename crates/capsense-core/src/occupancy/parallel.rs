@@ -16,9 +16,9 @@
 //! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
 //! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
-use super::coupling::EdgeRule;
+use super::coupling::{EdgeRule, past_one};
 use super::scene::is_electrode;
-use super::{NO_OBJECT, Scene, Span, Surfaces};
+use super::{Frame, LayersWithin, NO_OBJECT, Scene, Side, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
@@ -62,10 +62,39 @@ fn in_face_distance(lattice: &Lattice) -> f64 {
 enum Filling {
     /// Not at all.
     None,
-    /// Some fill all of it, the others nothing.
-    Even,
-    /// Perhaps in part.
-    Uneven,
+    /// This one fills all of it, as others may, and none a part.
+    Even(usize),
+    /// This one fills a part, perhaps, and no other is in it.
+    Part(usize),
+    /// Several do.
+    Parts,
+}
+
+/// A dielectric that is the only one in a quarter.
+struct OnlyBody<'a> {
+    surfaces: &'a dyn Surfaces,
+    object: usize,
+    /// Its permittivity over that of the background.
+    ratio: f64,
+    frame: Frame,
+    /// Between which depths its surfaces are seen in all of the quarter, if they are seen along z.
+    layers: Option<LayersWithin>,
+}
+
+impl OnlyBody<'_> {
+    /// What multiplies the weight of a line.
+    #[inline]
+    fn through(&self, [from, to]: [DVec3; 2]) -> f64 {
+        let heights = [from.z.min(to.z), from.z.max(to.z)];
+        let span = match self.layers.and_then(|layers| layers.side_of(heights)) {
+            Some(Side::Outside) => None,
+            Some(Side::Inside) => Some(Span::WHOLE),
+            None => {
+                self.surfaces.span_in_frame(self.object, self.frame.point(from), self.frame.point(to))
+            }
+        };
+        span.map_or(1.0, |span| past_one(span, self.ratio))
+    }
 }
 
 impl Scene<'_> {
@@ -81,53 +110,99 @@ impl Scene<'_> {
         breaks: &mut Vec<f64>,
     ) -> Option<f64> {
         let Edges::Lattice(lattice) = self.mesh.edges else { return None };
-        let is_weak = |&(object, _): &(u16, Span)| is_weak(&self.materials[usize::from(object)]);
-        if owners != [NO_OBJECT; 2] || !on_edge.iter().all(is_weak) {
+        if owners != [NO_OBJECT; 2] || !self.are_weak(on_edge) {
             return None;
         }
-        let background = self.mesh.permittivity.at(edge);
         let quarters = quarters(lattice, edge);
         let boxes = quarters.clone().map(|(middle, offset, _)| around(middle, offset));
         let all = boxes.reduce(|a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) })?;
         match self.filling(&all) {
             Filling::None => return None,
-            Filling::Even => {
-                spans.clear();
-                spans.extend_from_slice(on_edge);
-                let rule = EdgeRule { owners, spans, materials: self.materials, background };
-                return Some(rule.coupling(breaks).through);
-            }
-            Filling::Uneven => {}
+            Filling::Even(object) => return self.through_weak(object, edge),
+            Filling::Part(_) | Filling::Parts => {}
         }
         let is_beside_electrode = self.is_beside_electrode(edge)?;
-        let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
+        // Of quarters that are alike nothing is summed up: rounding must not tell whether lines were looked at one by one.
+        let (mut sum, mut whole, mut least, mut most) = (0.0, 0.0, f64::INFINITY, 0.0_f64);
         for (middle, offset, share) in quarters {
-            whole += share;
-            let places = match self.filling(&around(middle, offset)) {
-                Filling::None => {
-                    sum += share;
-                    continue;
+            let bounds = around(middle, offset);
+            let through = match self.filling(&bounds) {
+                Filling::None => [1.0; PLACES.len()],
+                Filling::Even(object) => [self.through_weak(object, edge)?; PLACES.len()],
+                Filling::Part(object) => {
+                    let body = self.only_body(object, edge, &bounds);
+                    let through = lines(middle, offset, edge % 3).map(|line| body.through(line));
+                    if through != [1.0; PLACES.len()] && !is_weak(&self.materials[object]) {
+                        return None;
+                    }
+                    through
                 }
-                Filling::Even => &PLACES[..1],
-                Filling::Uneven => &PLACES[..],
+                Filling::Parts => {
+                    let mut through = [1.0; PLACES.len()];
+                    for (through, line) in through.iter_mut().zip(lines(middle, offset, edge % 3)) {
+                        *through = self.through_several(edge, line, spans, breaks)?;
+                    }
+                    through
+                }
             };
-            let (mut parallel, mut series) = (0.0, 0.0);
-            for &place in places {
-                let shift = DVec3::from_array(place_across(edge % 3, place)) * offset;
-                self.find_spans_between(middle.map(|end| end + shift), spans);
-                spans.retain(|(object, _)| !self.is_conductor(usize::from(*object)));
-                if !spans.iter().all(is_weak) {
-                    return None;
-                }
-                is_met |= !spans.is_empty();
-                let rule = EdgeRule { owners, spans, materials: self.materials, background };
-                let through = rule.coupling(breaks).through;
-                (parallel, series) = (parallel + through, series + 1.0 / through);
-            }
-            let count = places.len() as f64;
-            sum += share * if is_beside_electrode { count / series } else { parallel / count };
+            least = through.into_iter().fold(least, f64::min);
+            most = through.into_iter().fold(most, f64::max);
+            whole += share;
+            let count = PLACES.len() as f64;
+            sum += share
+                * match is_beside_electrode {
+                    true => count / through.into_iter().map(f64::recip).sum::<f64>(),
+                    false => through.into_iter().sum::<f64>() / count,
+                };
         }
-        (is_met && whole > 0.0).then(|| sum / whole)
+        match least == most {
+            true => (most != 1.0).then_some(most),
+            false => Some(sum / whole),
+        }
+    }
+
+    /// What multiplies the weight of a line that several dielectrics may be on; `None` where strong ones are.
+    fn through_several(
+        &self,
+        edge: usize,
+        line: [DVec3; 2],
+        spans: &mut Vec<(u16, Span)>,
+        breaks: &mut Vec<f64>,
+    ) -> Option<f64> {
+        self.find_spans_between(line, spans);
+        spans.retain(|(object, _)| !self.is_conductor(usize::from(*object)));
+        let are_weak = self.are_weak(spans);
+        let background = self.mesh.permittivity.at(edge);
+        let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
+        are_weak.then(|| rule.coupling(breaks).through)
+    }
+
+    /// Whether all that is met are weak dielectrics.
+    fn are_weak(&self, spans: &[(u16, Span)]) -> bool {
+        spans.iter().all(|(object, _)| is_weak(&self.materials[usize::from(*object)]))
+    }
+
+    /// What multiplies the weight of an edge in a weak dielectric; `None` for all other objects.
+    fn through_weak(&self, object: usize, edge: usize) -> Option<f64> {
+        is_weak(&self.materials[object]).then(|| past_one(Span::WHOLE, self.ratio(object, edge)))
+    }
+
+    /// The permittivity of a dielectric over that of the background at an edge.
+    fn ratio(&self, object: usize, edge: usize) -> f64 {
+        match self.materials[object] {
+            Material::Dielectric(permittivity) => permittivity.value() / self.mesh.permittivity.at(edge),
+            Material::Conductor(_) => f64::INFINITY,
+        }
+    }
+
+    fn only_body(&self, object: usize, edge: usize, bounds: &Aabb) -> OnlyBody<'_> {
+        OnlyBody {
+            surfaces: self.surfaces,
+            object,
+            ratio: self.ratio(object, edge),
+            frame: self.surfaces.frame(object),
+            layers: self.surfaces.layers_within(object, bounds),
+        }
     }
 
     /// What is soon seen of how dielectrics fill a box.
@@ -140,10 +215,12 @@ impl Scene<'_> {
             }
             let frame = self.surfaces.frame(object);
             let (middle, half) = (frame.point(middle), frame.half_size_of(half));
-            if self.surfaces.holds(object, middle, half) {
-                filling = Filling::Even;
-            } else if !self.surfaces.misses(object, middle, half) {
-                return Filling::Uneven;
+            filling = match (self.surfaces.side_of(object, middle, half), filling) {
+                (Some(Side::Outside), filling) => filling,
+                (Some(Side::Inside), Filling::None) => Filling::Even(object),
+                (Some(Side::Inside), Filling::Even(first)) => Filling::Even(first),
+                (None, Filling::None) => Filling::Part(object),
+                _ => return Filling::Parts,
             }
         }
         filling
@@ -199,11 +276,16 @@ impl Scene<'_> {
     }
 }
 
-/// A place in a quarter as parts of half its widths, along the two axes across an edge, as a vector in the sensor frame.
-fn place_across(axis: usize, place: [f64; 2]) -> [f64; 3] {
-    let mut across = [0.0; 3];
-    (across[(axis + 1) % 3], across[(axis + 2) % 3]) = (place[0], place[1]);
-    across
+/// The lines in a quarter of the box around an edge along an axis, given by the line through its middle and the way there from the
+/// edge.
+fn lines(middle: [DVec3; 2], offset: DVec3, axis: usize) -> [[DVec3; 2]; PLACES.len()] {
+    PLACES.map(|place| {
+        let mut shift = DVec3::ZERO;
+        for (part, across) in place.into_iter().zip([(axis + 1) % 3, (axis + 2) % 3]) {
+            shift[across] = part * offset[across];
+        }
+        middle.map(|end| end + shift)
+    })
 }
 
 /// The four quarters of the box around an edge, each in one of the cells around it: the line through its middle by its

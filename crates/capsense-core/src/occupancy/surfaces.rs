@@ -13,6 +13,11 @@ pub struct Span {
     pub exit: f64,
 }
 
+impl Span {
+    /// All of a segment.
+    pub const WHOLE: Self = Self { enter: 0.0, exit: 1.0 };
+}
+
 /// The frame in which an object rests, by its origin in the sensor frame, in metres, and a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
@@ -37,6 +42,38 @@ impl Frame {
     pub fn half_size_of(&self, half: DVec3) -> DVec3 {
         let turned = &self.object_from_sensor;
         turned.x_axis.abs() * half.x + turned.y_axis.abs() * half.y + turned.z_axis.abs() * half.z
+    }
+}
+
+/// Where something lies as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// In an object.
+    Inside,
+    /// Beside it.
+    Outside,
+}
+
+/// Between which depths front and back of an object are in a part of its image, with all that rounding does to them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayersWithin {
+    /// The nearest and the farthest front.
+    pub front: [f64; 2],
+    /// The nearest and the farthest back.
+    pub back: [f64; 2],
+}
+
+impl LayersWithin {
+    /// On which side of the surfaces all that is between two depths certainly is.
+    #[inline]
+    pub fn side_of(&self, [low, high]: [f64; 2]) -> Option<Side> {
+        if high < self.front[0] || low > self.back[1] {
+            Some(Side::Outside)
+        } else if low > self.front[1] && high < self.back[0] {
+            Some(Side::Inside)
+        } else {
+            None
+        }
     }
 }
 
@@ -86,9 +123,9 @@ pub trait Surfaces: Sync {
         false
     }
 
-    /// Whether it is soon seen that an object certainly fills all of such a box.
-    fn holds(&self, _object: usize, _middle: DVec3, _half: DVec3) -> bool {
-        false
+    /// On which side of an object's surface all of such a box certainly is; `None` where that is not soon seen.
+    fn side_of(&self, object: usize, middle: DVec3, half: DVec3) -> Option<Side> {
+        self.misses(object, middle, half).then_some(Side::Outside)
     }
 
     /// Whether [`Surfaces::layer_at`] and [`Surfaces::wall_between`] tell where objects are.
@@ -98,6 +135,12 @@ pub trait Surfaces: Sync {
 
     /// From where to where along z an object is at x and y of a point, as who looks along z sees it; `None` where it is not.
     fn layer_at(&self, _object: usize, _point: DVec3) -> Option<[f64; 2]> {
+        None
+    }
+
+    /// Between which depths front and back of an object are in all of a box of the sensor frame, as who looks along z sees them;
+    /// `None` where that is not soon told.
+    fn layers_within(&self, _object: usize, _bounds: &Aabb) -> Option<LayersWithin> {
         None
     }
 

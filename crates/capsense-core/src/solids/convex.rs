@@ -4,7 +4,7 @@
 //! quadratic for round ones. The quadratic is solved from the line's distance to the centre, so that nothing cancels
 //! when both ends are far away.
 
-use crate::occupancy::RightAngled;
+use crate::occupancy::{RightAngled, Side};
 use glam::{BVec3, DVec2, DVec3};
 use std::f64::consts::FRAC_PI_2;
 
@@ -83,10 +83,30 @@ impl Convex {
         }
     }
 
-    /// Whether all of a box of half size `half` about a point is inside, by more than rounding: its farthest corner is.
+    /// Where all of a box of half size `half` about a point is by more than rounding, if that is soon seen: inside if its farthest
+    /// corner is.
     #[inline]
-    pub(super) fn holds(&self, centre: DVec3, half: DVec3) -> bool {
-        self.contains((centre.abs() + half) * (1.0 + BEYOND))
+    pub(super) fn side_of(&self, centre: DVec3, half: DVec3) -> Option<Side> {
+        if self.is_beyond_face(centre, half) || self.is_around(centre, half) {
+            return Some(Side::Outside);
+        }
+        self.contains((centre.abs() + half) * (1.0 + BEYOND)).then_some(Side::Inside)
+    }
+
+    /// Whether such a box is all farther from the axis than what is round about it reaches, by more than rounding.
+    #[inline]
+    fn is_around(&self, centre: DVec3, half: DVec3) -> bool {
+        let (distance, reach) = match *self {
+            Self::Box(_) => return false,
+            Self::Capsule { radius, half_length } => {
+                let beyond_end = (centre.z.abs() - half_length).max(0.0);
+                (centre.truncate().extend(beyond_end).length(), radius + half.length())
+            }
+            Self::Cylinder { radius, .. } => {
+                (centre.truncate().length(), radius + half.truncate().length())
+            }
+        };
+        distance * (1.0 - BEYOND) > reach
     }
 
     /// Whether a direction is that of the normal of a flat face, but for rounding.

@@ -13,7 +13,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Span, Surfaces, span_in_box};
+use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Side, Span, Surfaces, span_in_box};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -272,9 +272,9 @@ impl Surfaces for Solids {
         convex.is_beyond_face(middle, half)
     }
 
-    fn holds(&self, object: usize, middle: DVec3, half: DVec3) -> bool {
-        let Body::Convex(convex) = &self.solids[object].body else { return false };
-        convex.holds(middle, half)
+    fn side_of(&self, object: usize, middle: DVec3, half: DVec3) -> Option<Side> {
+        let Body::Convex(convex) = &self.solids[object].body else { return None };
+        convex.side_of(middle, half)
     }
 
     fn are_exact(&self) -> bool {
