@@ -4,6 +4,7 @@
 //! holds up to its border, so that no jump is taken for a surface. Every answer is a function of the segment and of
 //! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
 
+use super::pixel_row::{LANES, lanes};
 use super::{DepthLayers, LayerWall, LayersWithin, Side, Span};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
@@ -28,6 +29,26 @@ pub(super) fn hull(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
 #[inline(always)]
 pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if b < a { b } else { a }
+}
+
+/// The interval around the depths of some pixels of an image.
+#[inline]
+fn hull_of_pixels(face: &[f32], width: usize, columns: &Range<usize>, rows: Range<usize>) -> [f32; 2] {
+    let mut hull_of_all = NOWHERE;
+    for first in columns.clone().step_by(LANES) {
+        let [low, high] = NOWHERE;
+        let (mut low, mut high) = ([low; LANES], [high; LANES]);
+        for row in rows.clone() {
+            let depths = lanes(&face[row * width..][..width], first, 0.0);
+            for i in 0..LANES {
+                (low[i], high[i]) = (smaller(low[i], depths[i]), larger(high[i], depths[i]));
+            }
+        }
+        for i in 0..LANES.min(columns.end - first) {
+            hull_of_all = hull(hull_of_all, [low[i], high[i]]);
+        }
+    }
+    hull_of_all
 }
 
 /// The larger of two numbers.
@@ -121,6 +142,9 @@ impl DepthLayers {
     pub(super) fn span_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
         let (z, seen) = ([a.z, b.z], self.seen(object));
+        if uv[0] == uv[1] {
+            return seen.quarter(uv[0])?.span(uv, z, [0.0, 1.0]);
+        }
         let mut borders = HalfPixelBorders::between(uv);
         if borders.count() == 0 {
             return seen.quarter(uv[0])?.span(uv, z, [0.0, 1.0]);
@@ -228,12 +252,7 @@ impl<'a> Seen<'a> {
         let [width, height] = self.counts;
         let (columns, all_columns) = pixels_around(min.x, max.x, width);
         let (rows, all_rows) = pixels_around(min.y, max.y, height);
-        let (mut front, mut back) = (NOWHERE, NOWHERE);
-        for row in rows {
-            let pixels = row * width + columns.start..row * width + columns.end;
-            front = self.faces[0][pixels.clone()].iter().fold(front, |all, &z| hull(all, [z, z]));
-            back = self.faces[1][pixels].iter().fold(back, |all, &z| hull(all, [z, z]));
-        }
+        let [front, back] = self.faces.map(|face| hull_of_pixels(face, width, &columns, rows.clone()));
         // The front of rays that miss is beyond everything.
         let last_front = if all_columns && all_rows { front[1] } else { f32::INFINITY };
         let with_margin =

@@ -6,7 +6,7 @@
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
 use super::pixel_row::{first_where, last_where, reduce};
-use super::{Earlier, LayerWall, LayersWithin, Regions, Side, Span, Surfaces};
+use super::{Earlier, LayerWall, LayersWithin, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::workers::vectorised;
 use glam::{DVec2, DVec3};
@@ -268,11 +268,6 @@ impl Surfaces for DepthLayers {
 
     fn span(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.span_between(object, a, b)
-    }
-
-    fn side_of(&self, object: usize, middle: DVec3, half: DVec3) -> Option<Side> {
-        let bounds = Aabb { min: middle - half, max: middle + half };
-        self.layers_in_box(object, &bounds).side_of([bounds.min.z, bounds.max.z])
     }
 
     fn layers_within(&self, object: usize, bounds: &Aabb) -> Option<LayersWithin> {

@@ -64,8 +64,8 @@ enum Filling {
     None,
     /// This one fills all of it, as others may, and none a part.
     Even(usize),
-    /// This one fills a part, perhaps, and no other is in it.
-    Part(usize),
+    /// This one fills a part, perhaps, and no other is in it. Between which depths its surfaces are, if they are seen along z.
+    Part(usize, Option<LayersWithin>),
     /// Several do.
     Parts,
 }
@@ -114,23 +114,15 @@ impl Scene<'_> {
             return None;
         }
         let quarters = quarters(lattice, edge);
-        let boxes = quarters.clone().map(|(middle, offset, _)| around(middle, offset));
-        let all = boxes.reduce(|a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) })?;
-        match self.filling(&all) {
-            Filling::None => return None,
-            Filling::Even(object) => return self.through_weak(object, edge),
-            Filling::Part(_) | Filling::Parts => {}
-        }
         let is_beside_electrode = self.is_beside_electrode(edge)?;
         // Of quarters that are alike nothing is summed up: rounding must not tell whether lines were looked at one by one.
         let (mut sum, mut whole, mut least, mut most) = (0.0, 0.0, f64::INFINITY, 0.0_f64);
         for (middle, offset, share) in quarters {
-            let bounds = around(middle, offset);
-            let through = match self.filling(&bounds) {
+            let through = match self.filling(&around(middle, offset)) {
                 Filling::None => [1.0; PLACES.len()],
                 Filling::Even(object) => [self.through_weak(object, edge)?; PLACES.len()],
-                Filling::Part(object) => {
-                    let body = self.only_body(object, edge, &bounds);
+                Filling::Part(object, layers) => {
+                    let body = self.only_body(object, edge, layers);
                     let through = lines(middle, offset, edge % 3).map(|line| body.through(line));
                     if through != [1.0; PLACES.len()] && !is_weak(&self.materials[object]) {
                         return None;
@@ -195,13 +187,13 @@ impl Scene<'_> {
         }
     }
 
-    fn only_body(&self, object: usize, edge: usize, bounds: &Aabb) -> OnlyBody<'_> {
+    fn only_body(&self, object: usize, edge: usize, layers: Option<LayersWithin>) -> OnlyBody<'_> {
         OnlyBody {
             surfaces: self.surfaces,
             object,
             ratio: self.ratio(object, edge),
             frame: self.surfaces.frame(object),
-            layers: self.surfaces.layers_within(object, bounds),
+            layers,
         }
     }
 
@@ -213,13 +205,19 @@ impl Scene<'_> {
             if self.is_conductor(object) || !self.bounds[object].intersects(bounds) {
                 continue;
             }
-            let frame = self.surfaces.frame(object);
-            let (middle, half) = (frame.point(middle), frame.half_size_of(half));
-            filling = match (self.surfaces.side_of(object, middle, half), filling) {
+            let layers = self.surfaces.layers_within(object, bounds);
+            let side = match layers {
+                Some(layers) => layers.side_of([bounds.min.z, bounds.max.z]),
+                None => {
+                    let frame = self.surfaces.frame(object);
+                    self.surfaces.side_of(object, frame.point(middle), frame.half_size_of(half))
+                }
+            };
+            filling = match (side, filling) {
                 (Some(Side::Outside), filling) => filling,
                 (Some(Side::Inside), Filling::None) => Filling::Even(object),
                 (Some(Side::Inside), Filling::Even(first)) => Filling::Even(first),
-                (None, Filling::None) => Filling::Part(object),
+                (None, Filling::None) => Filling::Part(object, layers),
                 _ => return Filling::Parts,
             }
         }
