@@ -210,12 +210,7 @@ impl Lattice {
 
     /// Visits all edges whose boxes, up to half-way to the next edges beside them, touch a box, each once, given the planes that
     /// touch it.
-    pub(crate) fn for_edges_half_way(
-        &self,
-        bounds: &Aabb,
-        touching: &Planes,
-        mut visit: impl FnMut(usize),
-    ) {
+    pub(crate) fn for_edges_half_way(&self, bounds: &Aabb, touching: &Planes, mut visit: impl FnMut(usize)) {
         let beside = self.planes_half_way(bounds, touching);
         for axis in 0..3 {
             let mut nodes = beside.clone();

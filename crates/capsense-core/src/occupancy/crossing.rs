@@ -255,8 +255,7 @@ impl<'a> Seen<'a> {
         let [front, back] = self.faces.map(|face| hull_of_pixels(face, width, &columns, rows.clone()));
         // The front of rays that miss is beyond everything.
         let last_front = if all_columns && all_rows { front[1] } else { f32::INFINITY };
-        let with_margin =
-            |[first, last]: [f32; 2]| [f64::from(first) - margin, f64::from(last) + margin];
+        let with_margin = |[first, last]: [f32; 2]| [f64::from(first) - margin, f64::from(last) + margin];
         LayersWithin { front: with_margin([front[0], last_front]), back: with_margin(back) }
     }
 

@@ -16,13 +16,16 @@
 //! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
 //! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
+mod quarter;
+
 use super::coupling::{EdgeRule, past_one};
 use super::scene::is_electrode;
-use super::{Frame, LayersWithin, NO_OBJECT, Scene, Side, Span, Surfaces};
+use super::{LayersWithin, NO_OBJECT, Scene, Side, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
+use quarter::{BodyLines, LINES, Quarter, quarters};
 
 /// Dielectrics below this relative permittivity are weak.
 pub(super) const WEAK: f64 = 10.0;
@@ -41,11 +44,6 @@ pub(super) fn may_hold_edges(edges: &Edges, materials: &[Material], surfaces: &d
     let is_strong = |material: &Material| matches!(material, Material::Dielectric(_)) && !is_weak(material);
     matches!(edges, Edges::Lattice(_)) && surfaces.are_exact() && materials.iter().any(is_strong)
 }
-
-/// Where lines pass a quarter, in parts of half its widths from its middle. Along either axis each is at a place of its own,
-/// so that a face across an axis is known to an eighth of the quarter's width, and places along one axis tell nothing of those
-/// along the other.
-const PLACES: [[f64; 2]; 4] = [[-0.75, -0.25], [-0.25, 0.75], [0.25, -0.75], [0.75, 0.25]];
 
 /// Electrodes are across this axis.
 const ELECTRODE_NORMAL: usize = 2;
@@ -70,33 +68,6 @@ enum Filling {
     Parts,
 }
 
-/// A dielectric that is the only one in a quarter.
-struct OnlyBody<'a> {
-    surfaces: &'a dyn Surfaces,
-    object: usize,
-    /// Its permittivity over that of the background.
-    ratio: f64,
-    frame: Frame,
-    /// Between which depths its surfaces are seen in all of the quarter, if they are seen along z.
-    layers: Option<LayersWithin>,
-}
-
-impl OnlyBody<'_> {
-    /// What multiplies the weight of a line.
-    #[inline]
-    fn through(&self, [from, to]: [DVec3; 2]) -> f64 {
-        let heights = [from.z.min(to.z), from.z.max(to.z)];
-        let span = match self.layers.and_then(|layers| layers.side_of(heights)) {
-            Some(Side::Outside) => None,
-            Some(Side::Inside) => Some(Span::WHOLE),
-            None => {
-                self.surfaces.span_in_frame(self.object, self.frame.point(from), self.frame.point(to))
-            }
-        };
-        span.map_or(1.0, |span| past_one(span, self.ratio))
-    }
-}
-
 impl Scene<'_> {
     /// What multiplies the weight of an edge that weak dielectrics alone are near; `None` where nothing is, or others are, on
     /// the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
@@ -113,60 +84,69 @@ impl Scene<'_> {
         if owners != [NO_OBJECT; 2] || !self.are_weak(on_edge) {
             return None;
         }
-        let quarters = quarters(lattice, edge);
         let is_beside_electrode = self.is_beside_electrode(edge)?;
-        // Of quarters that are alike nothing is summed up: rounding must not tell whether lines were looked at one by one.
         let (mut sum, mut whole, mut least, mut most) = (0.0, 0.0, f64::INFINITY, 0.0_f64);
-        for (middle, offset, share) in quarters {
-            let through = match self.filling(&around(middle, offset)) {
-                Filling::None => [1.0; PLACES.len()],
-                Filling::Even(object) => [self.through_weak(object, edge)?; PLACES.len()],
+        for quarter in quarters(lattice, edge) {
+            let through = match self.filling(&quarter.bounds()) {
+                Filling::None => [1.0; LINES],
+                Filling::Even(object) => [self.through(object, edge, Span::WHOLE)?; LINES],
                 Filling::Part(object, layers) => {
-                    let body = self.only_body(object, edge, layers);
-                    let through = lines(middle, offset, edge % 3).map(|line| body.through(line));
-                    if through != [1.0; PLACES.len()] && !is_weak(&self.materials[object]) {
-                        return None;
+                    let lines = BodyLines::of(self.surfaces, object, &quarter, layers);
+                    let mut through = [1.0; LINES];
+                    for (line, through) in through.iter_mut().enumerate() {
+                        if let Some(span) = lines.span(line) {
+                            *through = self.through(object, edge, span)?;
+                        }
                     }
                     through
                 }
-                Filling::Parts => {
-                    let mut through = [1.0; PLACES.len()];
-                    for (through, line) in through.iter_mut().zip(lines(middle, offset, edge % 3)) {
-                        *through = self.through_several(edge, line, spans, breaks)?;
-                    }
-                    through
-                }
+                Filling::Parts => self.through_several(edge, &quarter, spans, breaks)?,
             };
             least = through.into_iter().fold(least, f64::min);
             most = through.into_iter().fold(most, f64::max);
-            whole += share;
-            let count = PLACES.len() as f64;
-            sum += share
-                * match is_beside_electrode {
-                    true => count / through.into_iter().map(f64::recip).sum::<f64>(),
-                    false => through.into_iter().sum::<f64>() / count,
-                };
+            let count = LINES as f64;
+            let mean = if is_beside_electrode {
+                count / through.into_iter().map(f64::recip).sum::<f64>()
+            } else {
+                through.into_iter().sum::<f64>() / count
+            };
+            (sum, whole) = (sum + quarter.share * mean, whole + quarter.share);
         }
-        match least == most {
-            true => (most != 1.0).then_some(most),
-            false => Some(sum / whole),
-        }
+        // Of lines that are alike no mean is taken: rounding must not tell which quarters were seen as a whole.
+        let mean = if least == most { most } else { sum / whole };
+        (whole > 0.0 && mean != 1.0).then_some(mean)
     }
 
-    /// What multiplies the weight of a line that several dielectrics may be on; `None` where strong ones are.
+    /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where strong ones are on
+    /// one of them.
     fn through_several(
         &self,
         edge: usize,
-        line: [DVec3; 2],
+        quarter: &Quarter,
         spans: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
-    ) -> Option<f64> {
-        self.find_spans_between(line, spans);
-        spans.retain(|(object, _)| !self.is_conductor(usize::from(*object)));
-        let are_weak = self.are_weak(spans);
-        let background = self.mesh.permittivity.at(edge);
-        let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
-        are_weak.then(|| rule.coupling(breaks).through)
+    ) -> Option<[f64; LINES]> {
+        let (bounds, background) = (quarter.bounds(), self.mesh.permittivity.at(edge));
+        let mut through = [1.0; LINES];
+        for (line, through) in through.iter_mut().enumerate() {
+            spans.clear();
+            for object in self.dielectrics_near(&bounds) {
+                let span = BodyLines::of(self.surfaces, object, quarter, None).span(line);
+                spans.extend(span.map(|span| (object as u16, span)));
+            }
+            if !self.are_weak(spans) {
+                return None;
+            }
+            let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
+            *through = rule.coupling(breaks).through;
+        }
+        Some(through)
+    }
+
+    /// Dielectrics that may be in a box.
+    fn dielectrics_near(&self, bounds: &Aabb) -> impl Iterator<Item = usize> {
+        let is_near = |&object: &usize| !self.is_conductor(object) && self.bounds[object].intersects(bounds);
+        (0..self.bounds.len()).filter(is_near)
     }
 
     /// Whether all that is met are weak dielectrics.
@@ -174,26 +154,14 @@ impl Scene<'_> {
         spans.iter().all(|(object, _)| is_weak(&self.materials[usize::from(*object)]))
     }
 
-    /// What multiplies the weight of an edge in a weak dielectric; `None` for all other objects.
-    fn through_weak(&self, object: usize, edge: usize) -> Option<f64> {
-        is_weak(&self.materials[object]).then(|| past_one(Span::WHOLE, self.ratio(object, edge)))
-    }
-
-    /// The permittivity of a dielectric over that of the background at an edge.
-    fn ratio(&self, object: usize, edge: usize) -> f64 {
+    /// What multiplies the weight of a line of which a weak dielectric alone fills a part; `None` for all other objects.
+    #[inline]
+    fn through(&self, object: usize, edge: usize, span: Span) -> Option<f64> {
         match self.materials[object] {
-            Material::Dielectric(permittivity) => permittivity.value() / self.mesh.permittivity.at(edge),
-            Material::Conductor(_) => f64::INFINITY,
-        }
-    }
-
-    fn only_body(&self, object: usize, edge: usize, layers: Option<LayersWithin>) -> OnlyBody<'_> {
-        OnlyBody {
-            surfaces: self.surfaces,
-            object,
-            ratio: self.ratio(object, edge),
-            frame: self.surfaces.frame(object),
-            layers,
+            Material::Dielectric(permittivity) if permittivity.value() < WEAK => {
+                Some(past_one(span, permittivity.value() / self.mesh.permittivity.at(edge)))
+            }
+            _ => None,
         }
     }
 
@@ -201,10 +169,7 @@ impl Scene<'_> {
     fn filling(&self, bounds: &Aabb) -> Filling {
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
         let mut filling = Filling::None;
-        for object in 0..self.bounds.len() {
-            if self.is_conductor(object) || !self.bounds[object].intersects(bounds) {
-                continue;
-            }
+        for object in self.dielectrics_near(bounds) {
             let layers = self.surfaces.layers_within(object, bounds);
             let side = match layers {
                 Some(layers) => layers.side_of([bounds.min.z, bounds.max.z]),
@@ -257,7 +222,7 @@ impl Scene<'_> {
             return None;
         }
         let (mut sum, mut whole, mut lies_in_one) = (0.0, 0.0, false);
-        for (_, offset, share) in quarters(lattice, edge) {
+        for Quarter { offset, share, .. } in quarters(lattice, edge) {
             let mut beside = DVec3::ZERO;
             across.into_iter().for_each(|axis| beside[axis] = distance.copysign(offset[axis]));
             self.find_spans_between([from + beside, to + beside], spans);
@@ -271,75 +236,5 @@ impl Scene<'_> {
             whole += share;
         }
         lies_in_one.then(|| sum / whole)
-    }
-}
-
-/// The lines in a quarter of the box around an edge along an axis, given by the line through its middle and the way there from the
-/// edge.
-fn lines(middle: [DVec3; 2], offset: DVec3, axis: usize) -> [[DVec3; 2]; PLACES.len()] {
-    PLACES.map(|place| {
-        let mut shift = DVec3::ZERO;
-        for (part, across) in place.into_iter().zip([(axis + 1) % 3, (axis + 2) % 3]) {
-            shift[across] = part * offset[across];
-        }
-        middle.map(|end| end + shift)
-    })
-}
-
-/// The four quarters of the box around an edge, each in one of the cells around it: the line through its middle by its
-/// ends, the way from the edge to that line, and the area of the cross-section in square metres. At the rim of the lattice
-/// there are fewer than four.
-fn quarters(lattice: &Lattice, edge: usize) -> impl Iterator<Item = ([DVec3; 2], DVec3, f64)> + Clone {
-    let (node, axis) = (edge / 3, edge % 3);
-    let place = lattice.node_place(node);
-    let planes = lattice.axes();
-    let from = DVec3::from_array(std::array::from_fn(|axis| planes[axis][place[axis]]));
-    let to = planes[axis].get(place[axis] + 1).map(|&end| {
-        let mut to = from;
-        to[axis] = end;
-        to
-    });
-    let across = [(axis + 1) % 3, (axis + 2) % 3];
-    // The steps to the neighbours below and above, across the edge.
-    let steps = across.map(|axis| {
-        let to = |other: Option<usize>| {
-            other.and_then(|other| planes[axis].get(other)).map(|plane| plane - from[axis])
-        };
-        [to(place[axis].checked_sub(1)), to(Some(place[axis] + 1))]
-    });
-    let pairs = [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[first, second]| (steps[0][first], steps[1][second]));
-    pairs.into_iter().filter_map(move |pair| {
-        let ((Some(first), Some(second)), Some(to)) = (pair, to) else { return None };
-        let mut offset = DVec3::ZERO;
-        offset[across[0]] = 0.25 * first;
-        offset[across[1]] = 0.25 * second;
-        Some(([from + offset, to + offset], offset, 0.25 * (first * second).abs()))
-    })
-}
-
-/// A quarter, given by the line through its middle and the way there from the edge.
-fn around([from, to]: [DVec3; 2], offset: DVec3) -> Aabb {
-    let half = offset.abs();
-    Aabb { min: from.min(to) - half, max: from.max(to) + half }
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quarters_share_the_box_around_an_edge() {
-        let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
-        let lattice = Lattice::new(axes).unwrap();
-        let edge = |place, axis| 3 * lattice.node_index(place) + axis;
-        let found: Vec<_> = quarters(&lattice, edge([0, 2, 1], 0)).collect();
-        let at = |x, y, z| DVec3::new(x, y, z);
-        assert_eq!(found[0], ([at(0.0, 2.75, 0.75), at(1.0, 2.75, 0.75)], at(0.0, -0.25, -0.25), 0.25));
-        assert_eq!(found[3], ([at(0.0, 4.0, 2.0), at(1.0, 4.0, 2.0)], at(0.0, 1.0, 1.0), 4.0));
-        assert_eq!(found.iter().map(|(_, _, share)| share).sum::<f64>(), 2.5 * 2.5);
-        let of_rim: Vec<_> = quarters(&lattice, edge([0, 0, 1], 2)).collect();
-        assert_eq!(of_rim, [([at(0.25, 0.5, 1.0), at(0.25, 0.5, 5.0)], at(0.25, 0.5, 0.0), 0.5)]);
-        assert_eq!(quarters(&lattice, edge([2, 0, 0], 0)).count(), 0, "there is no such edge");
     }
 }

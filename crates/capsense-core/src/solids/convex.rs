@@ -102,9 +102,7 @@ impl Convex {
                 let beyond_end = (centre.z.abs() - half_length).max(0.0);
                 (centre.truncate().extend(beyond_end).length(), radius + half.length())
             }
-            Self::Cylinder { radius, .. } => {
-                (centre.truncate().length(), radius + half.truncate().length())
-            }
+            Self::Cylinder { radius, .. } => (centre.truncate().length(), radius + half.truncate().length()),
         };
         distance * (1.0 - BEYOND) > reach
     }
