@@ -141,7 +141,10 @@ proptest! {
         let mut dice = Dice(seed);
         let shapes = all_shapes();
         let shapes: Vec<_> = (0..3).map(|_| shapes[dice.below(shapes.len())].clone()).collect();
-        let materials = [dielectric(4.0), conductor(Connection::Grounded), conductor(Connection::Floating)];
+        let with_conductors =
+            [dielectric(4.0), conductor(Connection::Grounded), conductor(Connection::Floating)];
+        let dielectrics = [dielectric(4.0), dielectric(2.5), dielectric(30.0)];
+        let materials = [with_conductors, dielectrics][dice.below(2)];
         let mut solids = Solids::new(&shapes).unwrap();
         let mut poses = vec![Pose::IDENTITY; 3];
         let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(sensor, &materials));
