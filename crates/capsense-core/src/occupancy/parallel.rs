@@ -9,6 +9,9 @@
 //! it, it is the right one of these. One line a quarter would do for cells small against the body; where they are not, it takes faces
 //! to be up to a quarter of a cell from where they are.
 //!
+//! Quarters that are seen as a whole to be in a body or beside all need not be looked at line by line: the lines would tell the
+//! same, to the bit, so that nobody has to look again when a quarter is seen as a whole no more.
+//!
 //! At an electrode, layers along it are in series, not in parallel: the field that an edge along the electrode's plane carries leaves
 //! the electrode across them. There quarters count by the harmonic mean of their lines, and bodies closer to an electrode than the
 //! first cell is high are not told to touch it. Measured, with where the rule ceases to be the better one: `docs/interface.md`.
@@ -85,7 +88,7 @@ impl Scene<'_> {
             return None;
         }
         let is_beside_electrode = self.is_beside_electrode(edge)?;
-        let (mut sum, mut whole, mut least, mut most) = (0.0, 0.0, f64::INFINITY, 0.0_f64);
+        let (mut sum, mut whole) = (0.0, 0.0);
         for quarter in quarters(lattice, edge) {
             let through = match self.filling(&quarter.bounds()) {
                 Filling::None => [1.0; LINES],
@@ -102,8 +105,6 @@ impl Scene<'_> {
                 }
                 Filling::Parts => self.through_several(edge, &quarter, spans, breaks)?,
             };
-            least = through.into_iter().fold(least, f64::min);
-            most = through.into_iter().fold(most, f64::max);
             let count = LINES as f64;
             let mean = if is_beside_electrode {
                 count / through.into_iter().map(f64::recip).sum::<f64>()
@@ -112,9 +113,8 @@ impl Scene<'_> {
             };
             (sum, whole) = (sum + quarter.share * mean, whole + quarter.share);
         }
-        // Of lines that are alike no mean is taken: rounding must not tell which quarters were seen as a whole.
-        let mean = if least == most { most } else { sum / whole };
-        (whole > 0.0 && mean != 1.0).then_some(mean)
+        // Where nothing is met, both are sums of the same numbers, so that rounding takes part in nothing.
+        (sum != whole).then(|| sum / whole)
     }
 
     /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where strong ones are on
