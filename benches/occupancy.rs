@@ -1,7 +1,8 @@
 //! From where a bar is to the edges that it changes, as it moves 1 mm a frame: by the depth camera, its image given, and
 //! by solids, from the pose on. One thread.
 //!
-//! The bar is turned by 20 degrees, or along the axes where solids are asked so. Benches are named source/motion/elements. Throughput is in changed edges, the mean over all frames.
+//! The bar is a grounded conductor, or of a weak dielectric where so named; it is turned by 20 degrees, or along the axes where solids are
+//! asked so. Benches are named source/motion/elements. Throughput is in changed edges, the mean over all frames.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -9,7 +10,7 @@ mod common;
 
 use capsense_core::geometry::Pose;
 use capsense_core::glam::{DQuat, DVec3};
-use capsense_core::material::{Connection, Material};
+use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView, Surfaces};
 use capsense_core::sensor::Sensor;
 use capsense_core::solids::Solids;
@@ -40,6 +41,7 @@ fn straight(poses: &[Pose]) -> Vec<Pose> {
 struct Subject<'a> {
     sensor: &'a Sensor,
     network: &'a EdgeNetwork,
+    material: Material,
     occupancy: Occupancy,
 }
 
@@ -51,7 +53,7 @@ impl Subject<'_> {
             edges: self.network.edges(),
             permittivity: self.network.permittivity(),
         };
-        self.occupancy.update(mesh, &[Material::Conductor(Connection::Grounded)], surfaces);
+        self.occupancy.update(mesh, &[self.material], surfaces);
         self.occupancy.changed_edges().len()
     }
 
@@ -97,10 +99,13 @@ fn occupancy(criterion: &mut Criterion) {
         let sensor = on_lattice(&design().lattice(size).unwrap());
         let network = EdgeNetwork::of_sensor(&sensor);
         let empty = Occupancy::empty(sensor.mesh().nodes().len(), network.edges().len());
-        let subject = || Subject { sensor: &sensor, network: &network, occupancy: empty.clone() };
+        let subject =
+            |material| Subject { sensor: &sensor, network: &network, material, occupancy: empty.clone() };
         for (motion, poses) in &motions {
             let name = format!("{motion}/{size}");
-            for pixels in [64, 256] {
+            let weak = (", permittivity 3", Material::Dielectric(RelativePermittivity::new(3.0).unwrap()));
+            let conductor = ("", Material::Conductor(Connection::Grounded));
+            for (pixels, (of, material)) in [(64, conductor), (256, conductor), (64, weak), (256, weak)] {
                 let view = OrthographicView { domain: DOMAIN, width: pixels, height: pixels };
                 let mut renderer = DepthRenderer::new(Backend::Cpu, view, &[BAR]).unwrap();
                 let draw = |pose: &Pose| {
@@ -109,20 +114,26 @@ fn occupancy(criterion: &mut Criterion) {
                     depth
                 };
                 let images: Vec<DepthLayers> = poses.iter().map(draw).collect();
-                let source = format!("camera {pixels}x{pixels}");
+                let source = format!("camera {pixels}x{pixels}{of}");
                 let frame = |subject: &mut Subject<'_>, index: usize| {
                     images[index].validate().unwrap();
                     subject.update(&images[index])
                 };
-                subject().measure(criterion, &source, name.clone(), images.len(), frame);
+                subject(material).measure(criterion, &source, name.clone(), images.len(), frame);
             }
-            for (source, poses) in [("solids bar, turned", poses), ("solids bar", &straight(poses))] {
+            let straight = straight(poses);
+            for (source, poses, (of, material)) in [
+                ("solids bar, turned", poses, conductor),
+                ("solids bar", &straight, conductor),
+                ("solids bar, turned", poses, weak),
+            ] {
                 let mut solids = Solids::new(&[BAR]).unwrap();
                 let frame = |subject: &mut Subject<'_>, index: usize| {
                     solids.place(&poses[index..=index]).unwrap();
                     subject.update(&solids)
                 };
-                subject().measure(criterion, source, name.clone(), poses.len(), frame);
+                let source = format!("{source}{of}");
+                subject(material).measure(criterion, &source, name.clone(), poses.len(), frame);
             }
         }
     }

@@ -144,7 +144,8 @@ proptest! {
         let with_conductors =
             [dielectric(4.0), conductor(Connection::Grounded), conductor(Connection::Floating)];
         let dielectrics = [dielectric(4.0), dielectric(2.5), dielectric(30.0)];
-        let materials = [with_conductors, dielectrics][dice.below(2)];
+        let strong = [dielectric(80.0), dielectric(30.0), dielectric(1e4)];
+        let materials = [with_conductors, dielectrics, strong][dice.below(3)];
         let mut solids = Solids::new(&shapes).unwrap();
         let mut poses = vec![Pose::IDENTITY; 3];
         let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(sensor, &materials));
@@ -183,6 +184,26 @@ fn a_bar_that_slides_leaves_no_trace() {
     for translation in upwards.chain(sideways) {
         bar.place(&[Pose::at(translation)]).unwrap();
         updater.step_checked(&bar);
+    }
+}
+
+/// Faces of strong dielectrics come to lie in planes of nodes, leave them by less and by more than edges are wide, and come again.
+#[test]
+fn faces_in_planes_of_nodes_leave_no_trace() {
+    let sensor = stripes_sensor(6_000);
+    let size = DVec3::new(0.15, 0.15, 0.02);
+    let mut solids = Solids::new(&[Shape::Box { size }]).unwrap();
+    let mut updater = Updater::new(&sensor, &[dielectric(80.0)]);
+    let heights = sensor.mesh().nodes().iter().map(|node| node.z).filter(|z| (0.01..0.2).contains(z));
+    let mut heights: Vec<f64> = heights.collect();
+    heights.sort_unstable_by(f64::total_cmp);
+    heights.dedup();
+    assert!(heights.len() > 2, "{heights:?}");
+    for height in heights {
+        for away in [0.0, 1e-12, -1e-10, 3e-10, 2e-9, -1e-3, 0.0, 2e-9, 0.0, -3e-10] {
+            solids.place(&[Pose::at(DVec3::new(0.0, 0.0, height + away + 0.5 * size.z))]).unwrap();
+            updater.step_checked(&solids);
+        }
     }
 }
 

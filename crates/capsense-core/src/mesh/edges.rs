@@ -196,22 +196,30 @@ impl Lattice {
         })
     }
 
-    /// The planes across each axis that are at most half-way to the next plane from some part of a box, given those that
-    /// touch it.
-    fn planes_half_way(&self, bounds: &Aabb, touching: &Planes) -> Planes {
+    /// The planes across each axis that reach some part of a box, given those that touch it. From each plane it is told how far it
+    /// reaches of the way to the next.
+    fn planes_reaching(&self, bounds: &Aabb, touching: &Planes, reach: impl Fn(f64) -> f64) -> Planes {
         std::array::from_fn(|axis| {
             let (planes, Range { start, end }) = (&self.axes()[axis], touching[axis].clone());
-            let half_way_to = |plane: usize| 0.5 * (planes[plane - 1] + planes[plane]);
-            let is_before = start > 0 && start < planes.len() && bounds.min[axis] <= half_way_to(start);
-            let is_behind = end > 0 && end < planes.len() && bounds.max[axis] >= half_way_to(end);
-            start - usize::from(is_before)..end + usize::from(is_behind)
+            let gap = |plane: usize| planes[plane] - planes[plane - 1];
+            let reaches_on = (1..planes.len()).contains(&start)
+                && bounds.min[axis] <= planes[start - 1] + reach(gap(start));
+            let reaches_back =
+                (1..planes.len()).contains(&end) && bounds.max[axis] >= planes[end] - reach(gap(end));
+            start - usize::from(reaches_on)..end + usize::from(reaches_back)
         })
     }
 
-    /// Visits all edges whose boxes, up to half-way to the next edges beside them, touch a box, each once, given the planes that
-    /// touch it.
-    pub(crate) fn for_edges_half_way(&self, bounds: &Aabb, touching: &Planes, mut visit: impl FnMut(usize)) {
-        let beside = self.planes_half_way(bounds, touching);
+    /// Visits all edges that reach some part of a box, each once, given the planes that touch it. Of each way to the next edge
+    /// beside, it is told how far edges reach.
+    pub(crate) fn for_edges_reaching(
+        &self,
+        bounds: &Aabb,
+        touching: &Planes,
+        reach: impl Fn(f64) -> f64,
+        mut visit: impl FnMut(usize),
+    ) {
+        let beside = self.planes_reaching(bounds, touching, reach);
         for axis in 0..3 {
             let mut nodes = beside.clone();
             let Range { start, end } = touching[axis];
@@ -263,6 +271,46 @@ pub(crate) fn for_lattice_edges(lattice: &Lattice, nodes: &Planes, mut visit: im
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
+
+    /// Against a look at all edges, each as a box that reaches up to half-way to the next, or only a little beside it.
+    #[test]
+    fn edges_that_reach_a_box_are_found() {
+        let axes = [vec![0.0, 1.0, 3.0], vec![0.0, 2.0, 3.0, 7.0], vec![0.0, 1.0, 5.0]];
+        let lattice = Lattice::new(axes).unwrap();
+        let planes = lattice.axes();
+        let regions = [
+            ([0.6, 2.2, -1.0], [0.7, 2.3, 0.4]),
+            ([1.0, 4.9, 2.9], [2.1, 5.1, 3.1]),
+            ([-2.0, -2.0, -2.0], [-1.0, 9.0, 9.0]),
+            ([2.9, 6.9, 4.9], [9.0, 9.0, 9.0]),
+            ([1.05, 2.95, 0.5], [1.05, 2.95, 0.5]),
+        ];
+        for (min, max) in regions {
+            let region = Aabb { min: min.into(), max: max.into() };
+            for reach in [|way: f64| 0.5 * way, |_| 0.1] {
+                let reaches = |edge: usize| {
+                    let (place, axis) = (lattice.node_place(edge / 3), edge % 3);
+                    (0..3).all(|across| {
+                        let (planes, k) = (&planes[across], place[across]);
+                        let below = k.checked_sub(1).map_or(0.0, |other| reach(planes[k] - planes[other]));
+                        let above = planes.get(k + 1).map_or(0.0, |other| reach(other - planes[k]));
+                        let ends = match across == axis {
+                            true => planes.get(k + 1).map(|&end| [planes[k], end]),
+                            false => Some([planes[k] - below, planes[k] + above]),
+                        };
+                        ends.is_some_and(|[from, to]| from <= max[across] && min[across] <= to)
+                    })
+                };
+                let mut found = Vec::new();
+                let touching = lattice.planes_within(&region);
+                lattice.for_edges_reaching(&region, &touching, reach, |edge| found.push(edge));
+                found.sort_unstable();
+                let nodes = lattice.node_counts().into_iter().product::<usize>();
+                let expected: Vec<_> = (0..3 * nodes).filter(|&edge| reaches(edge)).collect();
+                assert_eq!(found, expected, "{min:?}");
+            }
+        }
+    }
 
     #[test]
     fn planes_that_touch_a_box_and_the_next_ones() {

@@ -4,6 +4,7 @@
 use super::EdgeGeometry;
 use super::changes::Changes;
 use super::index_set::IndexSet;
+use super::parallel::in_face_distance;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, for_lattice_edges};
 use crate::workers::Workers;
@@ -13,6 +14,17 @@ const REGIONS_OF_A_TASK: usize = 8;
 
 /// Sets for each thread, as some regions have more edges and some threads come later.
 const TASKS_OF_A_THREAD: usize = 2;
+
+/// What counts beside an edge of a lattice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Beside {
+    #[default]
+    Nothing,
+    /// Faces in which the edge lies.
+    Faces,
+    /// All up to half-way to the next edges.
+    HalfWay,
+}
 
 /// A set of edges, in the making one for each task.
 #[derive(Clone, Debug, Default)]
@@ -28,24 +40,28 @@ impl EdgesNear {
         Self { edges, marked: IndexSet::below(edges), others: Vec::new() }
     }
 
-    /// Marks the edges near where something differs; on a lattice also those beside it, up to half-way to the next, if what is
-    /// beside an edge counts.
+    /// Marks the edges near where something differs, and those of a lattice to which it is near enough beside them.
     pub(super) fn mark(
         &mut self,
         workers: &Workers,
         mesh: &EdgeGeometry<'_>,
         changes: &Changes,
-        looks_beside: bool,
+        beside: Beside,
     ) {
         match mesh.edges {
-            Edges::Lattice(lattice) => self.share(workers, changes.regions(), |at, region, set| {
-                let planes = &changes.planes()[at];
-                if looks_beside {
-                    lattice.for_edges_half_way(region, planes, |edge| set.insert(edge));
-                } else {
-                    for_lattice_edges(lattice, planes, |edge, _| set.insert(edge));
-                }
-            }),
+            Edges::Lattice(lattice) => {
+                let distance = in_face_distance(lattice);
+                self.share(workers, changes.regions(), |at, region, set| {
+                    let (planes, mut mark) = (&changes.planes()[at], |edge| set.insert(edge));
+                    match beside {
+                        Beside::Nothing => for_lattice_edges(lattice, planes, |edge, _| mark(edge)),
+                        Beside::Faces => lattice.for_edges_reaching(region, planes, |_| distance, mark),
+                        Beside::HalfWay => {
+                            lattice.for_edges_reaching(region, planes, |way| 0.5 * way, mark);
+                        }
+                    }
+                });
+            }
             edges @ Edges::List(_) => self.share(workers, changes.regions(), |_, region, set| {
                 edges.for_edges_near(mesh.nodes, region, |edge, _| set.insert(edge));
             }),

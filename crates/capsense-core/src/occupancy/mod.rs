@@ -43,7 +43,7 @@ use crate::workers::Workers;
 use camera_wall::CameraWalls;
 use changes::Changes;
 use edges_anew::{Asked, EdgesAnew, Found, Sight};
-use edges_near::EdgesNear;
+use edges_near::{Beside, EdgesNear};
 use elements::Elements;
 use glam::DVec3;
 use index_set::IndexSet;
@@ -131,21 +131,18 @@ struct Scratch {
     dependence: Dependence,
 }
 
-/// Whether edges depend on what is beside them: all up to the next planes, or along a camera's rays.
+/// Whether edges depend on what is beside them, or along a camera's rays.
 #[derive(Clone, Copy, Debug, Default)]
 struct Dependence {
-    on_all_beside: bool,
+    beside: Beside,
     on_rays: bool,
 }
 
 impl Scratch {
     /// What edges depend on now or did in the frame before: what was left beside surfaces there goes with them.
-    fn depend(&mut self, on_all_beside: bool, on_rays: bool) -> Dependence {
-        let before = std::mem::replace(&mut self.dependence, Dependence { on_all_beside, on_rays });
-        Dependence {
-            on_all_beside: before.on_all_beside || on_all_beside,
-            on_rays: before.on_rays || on_rays,
-        }
+    fn depend(&mut self, beside: Beside, on_rays: bool) -> Dependence {
+        let before = std::mem::replace(&mut self.dependence, Dependence { beside, on_rays });
+        Dependence { beside: before.beside.max(beside), on_rays: before.on_rays || on_rays }
     }
 }
 
@@ -239,14 +236,19 @@ impl Occupancy {
             has_faces,
             has_camera_walls,
         };
-        let dependence = self.scratch.depend(has_weak || has_faces, has_camera_walls);
+        let beside = match (has_weak, has_faces) {
+            (true, _) => Beside::HalfWay,
+            (_, true) => Beside::Faces,
+            _ => Beside::Nothing,
+        };
+        let dependence = self.scratch.depend(beside, has_camera_walls);
         let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
             self.elements = Some(elements);
         } else {
             let mut edges = std::mem::take(&mut self.scratch.edges);
-            let mark_edges = || edges.mark(workers, &mesh, &changes, dependence.on_all_beside);
+            let mark_edges = || edges.mark(workers, &mesh, &changes, dependence.beside);
             let find_holders = || {
                 changes.for_nodes_near(&mesh, |node| self.set_holder(node, scene.holder(node)));
             };

@@ -54,7 +54,7 @@ const ELECTRODE_NORMAL: usize = 2;
 /// Edges nearer to a face than this part of the lattice's size lie in it: far above rounding, far below any spacing.
 const IN_FACE: f64 = 1e-9;
 
-fn in_face_distance(lattice: &Lattice) -> f64 {
+pub(super) fn in_face_distance(lattice: &Lattice) -> f64 {
     let size = |planes: &Vec<f64>| planes[planes.len() - 1] - planes[0];
     IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
 }
