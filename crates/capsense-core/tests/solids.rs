@@ -7,7 +7,7 @@ mod common;
 use approx::assert_abs_diff_eq;
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
-use capsense_core::occupancy::{Span, Surfaces};
+use capsense_core::occupancy::{Side, Span, Surfaces};
 use capsense_core::solids::{BadEdges, SolidError, Solids};
 use common::Dice;
 use common::shapes::{
@@ -62,6 +62,35 @@ prop_compose! {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// What is soon told of a box, along the axes of a solid, is so of all points in it; and of boxes far away or deep inside it is
+    /// told.
+    #[test]
+    fn boxes_are_on_the_side_that_is_told(
+        pose in pose(), middle in point(), half in prop::array::uniform3(1e-4..0.05), seed in any::<u64>(),
+    ) {
+        let (solids, mut dice) = (at(&all_shapes(), &[pose; 6]), Dice(seed));
+        let half = DVec3::from_array(half);
+        for object in 0..6 {
+            let frame = solids.frame(object);
+            let side = solids.side_of(object, middle, half);
+            // The point nearest to the solid's middle, too.
+            let places = (0..20).map(|_| DVec3::from_array([(); 3].map(|()| dice.between(-1.0, 1.0))));
+            let nearest = DVec3::ZERO.clamp(middle - half, middle + half);
+            for local in places.map(|part| middle + half * part).chain([nearest]) {
+                let point = frame.origin + frame.object_from_sensor.transpose() * local;
+                let told = if solids.contains(object, point) { Side::Inside } else { Side::Outside };
+                prop_assert!(side.is_none_or(|side| side == told), "{} {:?} {}", object, side, point);
+            }
+        }
+        let small = DVec3::splat(1e-3);
+        for (object, shape) in all_shapes().iter().enumerate() {
+            let is_convex = !matches!(shape, Shape::Mesh(_));
+            let far = solids.side_of(object, DVec3::new(0.3, 0.2, 0.0), small);
+            prop_assert_eq!(far, is_convex.then_some(Side::Outside));
+            prop_assert_eq!(solids.side_of(object, DVec3::ZERO, small), is_convex.then_some(Side::Inside));
+        }
+    }
 
     /// Every shape against many points along the segment, taken from the shape's definition.
     #[test]
