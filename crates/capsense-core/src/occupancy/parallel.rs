@@ -88,7 +88,7 @@ impl Scene<'_> {
             return None;
         }
         let is_beside_electrode = self.is_beside_electrode(edge)?;
-        let (mut sum, mut whole) = (0.0, 0.0);
+        let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
         for quarter in quarters(lattice, edge) {
             let through = match self.filling(&quarter.bounds()) {
                 Filling::None => [1.0; LINES],
@@ -105,6 +105,7 @@ impl Scene<'_> {
                 }
                 Filling::Parts => self.through_several(edge, &quarter, spans, breaks)?,
             };
+            is_met |= through != [1.0; LINES];
             let count = LINES as f64;
             let mean = if is_beside_electrode {
                 count / through.into_iter().map(f64::recip).sum::<f64>()
@@ -113,8 +114,7 @@ impl Scene<'_> {
             };
             (sum, whole) = (sum + quarter.share * mean, whole + quarter.share);
         }
-        // Where nothing is met, both are sums of the same numbers, so that rounding takes part in nothing.
-        (sum != whole).then(|| sum / whole)
+        is_met.then(|| sum / whole)
     }
 
     /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where strong ones are on
