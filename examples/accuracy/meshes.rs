@@ -6,12 +6,14 @@ use capsense::Scene;
 use capsense::core::geometry::{Pose, Shape};
 use capsense::core::glam::{DQuat, DVec3};
 use capsense::core::material::{Connection, Material};
+use capsense::core::occupancy::{DepthLayers, OrthographicView};
 use capsense::core::sensor::{MeshKind, Sensor, SensorDesign};
-use capsense::core::simulator::Simulator;
+use capsense::core::simulator::{Simulator, StepReport};
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
 use capsense::core::workspace::{Change, MeshRequest, WorkspaceError};
 use capsense::evidence::clock::thread_seconds;
+use capsense::render::{Backend, DepthRenderer};
 use clap::Args;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -53,6 +55,10 @@ pub(crate) struct MeshesArguments {
     /// Only times, no errors
     #[arg(long)]
     times: bool,
+    /// Bodies as a depth camera of so many pixels along either axis sees them, front and back, instead of exact solids;
+    /// drawing the images takes no part of the times
+    #[arg(long, value_name = "N")]
+    pixels: Option<usize>,
 }
 
 /// A body at a pose.
@@ -91,6 +97,7 @@ struct Table {
     /// Of bars and of other bodies, if errors are asked for.
     exact: Option<[Vec<Change>; 2]>,
     only: String,
+    pixels: Option<usize>,
 }
 
 impl Table {
@@ -100,19 +107,19 @@ impl Table {
             true => None,
             false => {
                 let reference = Sensor::generated(design, MeshKind::Lattice, finest)?;
-                Some([changes(&reference, &bars())?, changes(&reference, &others())?])
+                Some([changes(&reference, &bars(), None)?, changes(&reference, &others(), None)?])
             }
         };
         println!(
             "Errors in % of the changes on a lattice of up to {finest} tetrahedra: the mean of the entries in the worst pose, and \
-             the worst entry. Milliseconds of a frame, update and solve, one thread, its own time, C to {OF_FRAMES:e}, means of \
-             ways there and back.\n"
+             the worst entry. Milliseconds of a frame, update and solve, one thread, its own time, C to {OF_FRAMES:e}, means and \
+             medians of ways there and back.\n"
         );
         println!(
             "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways |"
         );
         println!("|---|---:|---:|---:|---:|---:|---:|---:|");
-        Ok(Self { exact, only: arguments.only.clone() })
+        Ok(Self { exact, only: arguments.only.clone(), pixels: arguments.pixels })
     }
 
     /// Prints a row, if it is wanted: of a sensor and what else there is to say of it.
@@ -132,14 +139,15 @@ impl Table {
             None => " | | | |".to_owned(),
             Some(exact) => {
                 let errors = [bars(), others()].into_iter().zip(exact).map(|(bodies, exact)| {
-                    let [of_all, largest] = worst(&changes(&sensor, &bodies)?, exact)?;
+                    let [of_all, largest] = worst(&changes(&sensor, &bodies, self.pixels)?, exact)?;
                     Ok(format!(" {of_all:.2} | {largest:.2} |"))
                 });
                 errors.collect::<Result<String>>()?
             }
         };
-        let [up, sideways] = milliseconds(&sensor)?;
-        println!("| {name}{note} | {} |{cells} {up:.3} | {sideways:.3} |", sensor.mesh().tets().len());
+        let [up, sideways] = milliseconds(&sensor, self.pixels)?;
+        let times = [up, sideways].map(|[mean, median]| format!("{mean:.3}, {median:.3}"));
+        println!("| {name}{note} | {} |{cells} {} | {} |", sensor.mesh().tets().len(), times[0], times[1]);
         Ok(())
     }
 }
@@ -201,16 +209,48 @@ fn simulator(sensor: &Sensor, tolerance: f64, threads: Option<usize>) -> Result<
     Ok(Simulator::new(sensor.clone(), vec![Material::Conductor(Connection::Grounded)], options)?)
 }
 
-fn changes(sensor: &Sensor, bodies: &[Placed]) -> Result<Vec<Change>> {
+/// What bodies change C by, as exact solids or as a camera of so many pixels sees them.
+fn changes(sensor: &Sensor, bodies: &[Placed], pixels: Option<usize>) -> Result<Vec<Change>> {
     let mut simulator = simulator(sensor, EXACT, None)?;
     let mut changes = Vec::new();
     for (shape, pose) in bodies {
-        let mut solids = Solids::new(std::slice::from_ref(shape))?;
-        solids.place(&[*pose])?;
-        let _ = simulator.step(&solids)?;
+        let mut body = Body::new(shape, pixels)?;
+        body.place(pose)?;
+        let _ = body.step(&mut simulator)?;
         changes.push(Change::between(simulator.base(), simulator.capacitance()));
     }
     Ok(changes)
+}
+
+/// A body, and how a simulator learns of it.
+enum Body {
+    Solid(Solids),
+    Seen(Box<DepthRenderer>, DepthLayers),
+}
+
+impl Body {
+    fn new(shape: &Shape, pixels: Option<usize>) -> Result<Self> {
+        let shapes = std::slice::from_ref(shape);
+        let Some(pixels) = pixels else { return Ok(Self::Solid(Solids::new(shapes)?)) };
+        let view = OrthographicView { domain: stripes().domain, width: pixels, height: pixels };
+        let renderer = DepthRenderer::new(Backend::Cpu, view, shapes)?;
+        Ok(Self::Seen(Box::new(renderer), DepthLayers::empty(view, 1)))
+    }
+
+    fn place(&mut self, pose: &Pose) -> Result<()> {
+        match self {
+            Self::Solid(solids) => solids.place(std::slice::from_ref(pose))?,
+            Self::Seen(renderer, depth) => renderer.render(std::slice::from_ref(pose), depth)?,
+        }
+        Ok(())
+    }
+
+    fn step(&self, simulator: &mut Simulator) -> Result<StepReport> {
+        Ok(match self {
+            Self::Solid(solids) => simulator.step(solids)?,
+            Self::Seen(_, depth) => simulator.step(depth)?,
+        })
+    }
 }
 
 /// In percent: the largest error of all entries of a pose, and that of one entry.
@@ -223,28 +263,36 @@ fn worst(changes: &[Change], exact: &[Change]) -> Result<[f64; 2]> {
     Ok(worst)
 }
 
-/// The mean of all frames of the bar's ways up and down and sideways, 1 mm a frame; of the ways there and back the second.
-fn milliseconds(sensor: &Sensor) -> Result<[f64; 2]> {
+/// Of all frames of the bar's ways up and down and sideways, 1 mm a frame, the mean and the median; of the ways there and back
+/// the second. Solids are placed within a frame, images are there before it.
+fn milliseconds(sensor: &Sensor, pixels: Option<usize>) -> Result<[[f64; 2]; 2]> {
     let [low, high] = HEIGHTS;
-    let up = (low..high).chain((low..high).rev()).map(|gap| DVec3::new(0.0, 0.0, f64::from(gap) + 10.0));
+    let up = (low..high).chain((low + 1..=high).rev()).map(|gap| DVec3::new(0.0, 0.0, f64::from(gap) + 10.0));
     let [left, right] = ASIDE;
-    let sideways = (left..right).chain((left..right).rev()).map(|y| DVec3::new(0.0, f64::from(y), 60.0));
+    let sideways = (left..right).chain((left + 1..=right).rev()).map(|y| DVec3::new(0.0, f64::from(y), 60.0));
     let began = Instant::now();
-    let mut means = [0.0; 2];
-    for (mean, way) in means.iter_mut().zip([up.collect::<Vec<_>>(), sideways.collect()]) {
+    let mut told = [[0.0; 2]; 2];
+    for (told, way) in told.iter_mut().zip([up.collect::<Vec<_>>(), sideways.collect()]) {
         let mut simulator = simulator(sensor, OF_FRAMES, Some(1))?;
-        let mut solids = Solids::new(&[Shape::Box { size: BAR }])?;
-        let mut start = seconds(&began);
-        for (frame, place) in way.iter().chain(&way).enumerate() {
-            if frame == way.len() {
-                start = seconds(&began);
+        let mut body = Body::new(&Shape::Box { size: BAR }, pixels)?;
+        let mut took = Vec::with_capacity(2 * way.len());
+        for place in way.iter().chain(&way) {
+            let pose = Pose::at(1e-3 * *place);
+            if pixels.is_some() {
+                body.place(&pose)?;
             }
-            solids.place(&[Pose::at(1e-3 * *place)])?;
-            let _ = simulator.step(&solids)?;
+            let start = seconds(&began);
+            if pixels.is_none() {
+                body.place(&pose)?;
+            }
+            let _ = body.step(&mut simulator)?;
+            took.push(1e3 * (seconds(&began) - start));
         }
-        *mean = 1e3 * (seconds(&began) - start) / way.len() as f64;
+        let took = &mut took[way.len()..];
+        took.sort_unstable_by(f64::total_cmp);
+        *told = [took.iter().sum::<f64>() / took.len() as f64, took[took.len() / 2]];
     }
-    Ok(means)
+    Ok(told)
 }
 
 /// Processor time of this thread where the system tells it, else since it began. Other programs count for less then, but they

@@ -40,6 +40,7 @@ impl Aabb {
     }
 
     /// Whether two boxes have a point in common.
+    #[inline]
     pub fn intersects(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }

@@ -24,7 +24,7 @@ use super::coupling::{EdgeRule, SMALLEST_PART};
 use super::near_field::{Star, larger, smaller, span_in_box};
 use super::{Coupling, Frame, NO_OBJECT, Scene, Span, Surfaces};
 use crate::geometry::Aabb;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
 /// of the way to the next node across. With it the energy of the field r^(2/3) sin(2θ/3) around a right angle is right in
@@ -147,10 +147,14 @@ impl Tube {
     #[inline(always)]
     fn in_frame<B: Body>(&self, body: B, frame: &Frame) -> Framed<'_, B> {
         let Self { from, length, across, .. } = self;
-        let [first, second] = across.each_ref().map(|across| frame.object_from_sensor.col(across.axis));
-        let axis = 3 - across[0].axis - across[1].axis;
-        let way = frame.object_from_sensor.col(axis) * *length;
-        Framed { tube: self, body, from: frame.point(*from), way, across: [first, second] }
+        let DMat3 { x_axis, y_axis, z_axis } = frame.object_from_sensor;
+        // The axes in a cycle, of which each is across the one before.
+        let (along, across) = match across[0].axis {
+            1 => (x_axis, [y_axis, z_axis]),
+            2 => (y_axis, [z_axis, x_axis]),
+            _ => (z_axis, [x_axis, y_axis]),
+        };
+        Framed { tube: self, body, from: frame.point(*from), way: along * *length, across }
     }
 
     /// What a conductor beside the edge makes of one end of it. `gaps` are the parts of the edge between this end and the
@@ -285,12 +289,14 @@ impl<B: Body> Framed<'_, B> {
             let across = body.span(self.point_in(along, 0.5), ray)?;
             return Some((along, across, across.exit - across.enter));
         }
-        [from, from + way].into_iter().find_map(|end| {
-            let across = body.span(end, ray)?;
+        for end in [from, from + way] {
+            let Some(across) = body.span(end, ray) else { continue };
             let offset = 0.5 * (across.enter + across.exit) * ray;
-            let along = body.span(from + offset, way)?;
-            Some((along, across, self.width_across(self.point_in(along, 0.5), ray)))
-        })
+            if let Some(along) = body.span(from + offset, way) {
+                return Some((along, across, self.width_across(self.point_in(along, 0.5), ray)));
+            }
+        }
+        None
     }
 }
 

@@ -6,7 +6,7 @@ use super::super::{Frame, Span};
 use super::angles::{RightAngled, RightAngles};
 use super::row::{larger, smaller};
 use crate::geometry::Aabb;
-use glam::{DVec3, Vec3Swizzles};
+use glam::{DAffine3, DVec3, Vec3Swizzles};
 
 /// The part of a segment from `a` to `b`, in the frame of a box about the origin, that is in the box, given by half its edge
 /// lengths. Ends in the box are ends of the part, whatever rounding does: differences and quotients are monotonic.
@@ -93,14 +93,14 @@ impl RightAngles {
         let sign = |axis: u32| if at_high >> axis & 1 == 0 { -1.0 } else { 1.0 };
         let mut place = size * DVec3::new(sign(0), sign(1), sign(2));
         place[axis] = 0.0;
-        let from_middle = self.sensor_from_object.transform_point3(place) - middle;
-        is_segment_in(from_middle, size[axis] * self.sensor_from_object.matrix3.col(axis), half)
+        let DAffine3 { matrix3: turned, translation } = &self.sensor_from_object;
+        is_segment_in(*turned * place + *translation - middle, size[axis] * turned.col(axis), half)
     }
 }
 
 /// Whether a segment, given by its middle and the way from there to its end, meets a box of some half size about the origin:
 /// neither one of the box's axes nor one across the segment parts them.
-#[inline]
+#[inline(always)]
 fn is_segment_in(middle: DVec3, way: DVec3, half: DVec3) -> bool {
     let reach = way.abs();
     let across = half.zxy() * reach.yzx() + half.yzx() * reach.zxy();

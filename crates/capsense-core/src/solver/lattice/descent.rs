@@ -201,8 +201,12 @@ impl Gains {
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, [k, s, t]: [usize; 3], x: &[f32], charges: &[f32]) {
         let gain = &mut self.of_planes[k * self.pairs + pair(s, t)];
-        for (x, charges) in x.chunks(PIECE).zip(charges.chunks(PIECE)) {
-            *gain += total(&products(simd, x, charges));
+        // Counted, as both to cut into pieces at once would take two divisions.
+        let mut start = 0;
+        while start < x.len() {
+            let piece = start..x.len().min(start + PIECE);
+            *gain += total(&products(simd, &x[piece.clone()], &charges[piece]));
+            start += PIECE;
         }
     }
 }

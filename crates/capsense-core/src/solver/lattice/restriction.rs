@@ -1,4 +1,6 @@
 //! To the next coarser level: what each thread does.
+//!
+//! What is optional is matched, not mapped: a closure may become a call, which is compiled without the processor's extensions.
 
 use super::layout::{BLOCK, Layout, RED};
 use super::level::Level;
@@ -51,23 +53,29 @@ impl Restriction<'_> {
     fn along_z<S: Simd>(&mut self, simd: S, plane: usize) {
         let Level { stencil, layout, .. } = self.fine;
         let Between { descent, thick: [thick, _], .. } = &mut *self.between;
-        let (own, stage) = (self.stages.fine_plane(plane), &self.stages.z);
-        let eliminated = |plane: usize| stage.as_ref().filter(|stage| stage.is_eliminated(plane));
+        let own = self.stages.fine_plane(plane);
         let [after, before] = [own + 1, own.wrapping_sub(1)];
-        let after = eliminated(after).map(|stage| (after, stage.previous.red(stencil.layout.plane(after))));
-        let before = eliminated(before).map(|stage| (before, stage.next.red(stencil.layout.plane(before))));
+        let (mut of_after, mut of_before) = (None, None);
+        if let Some(stage) = &self.stages.z {
+            if stage.is_eliminated(after) {
+                of_after = Some((after, stage.previous.red(stencil.layout.plane(after))));
+            }
+            if stage.is_eliminated(before) {
+                of_before = Some((before, stage.next.red(stencil.layout.plane(before))));
+            }
+        }
         for &column in self.active {
             let (part, at) = thick.part(layout, RED, own, column);
             thick.values[part][at].copy_from_slice(descent.residual(column, own));
             let of = |(plane, share)| [share, descent.residual(column, plane)];
             // The nodes of both are at the same places.
-            let Some(beside) = after.or(before) else {
+            let Some(beside) = of_after.or(of_before) else {
                 thick.values[1 - part][column * thick.len..][..thick.len].fill(0.0);
                 continue;
             };
             let (part, at) = thick.part(layout, RED, beside.0, column);
             let to = &mut thick.values[part][at];
-            match (after, before) {
+            match (of_after, of_before) {
                 (Some(after), Some(before)) => combine(simd, to, of(after), of(before)),
                 _ => multiply(simd, to, of(beside)),
             }
@@ -78,23 +86,31 @@ impl Restriction<'_> {
     #[inline(always)]
     fn along_y<S: Simd>(&mut self, simd: S, j: usize, k: usize) {
         let Between { thick: [thick, _], halves: [halves, _], .. } = &mut *self.between;
-        let (layout, stage) = (&self.fine.layout, &self.stages.y);
-        let own = stage.as_ref().map_or(j, |stage| stage.fine_plane[j]);
-        let eliminated = |plane: usize| stage.as_ref().filter(|stage| stage.is_eliminated(plane));
-        let (after, before) = (eliminated(own + 1), eliminated(own.wrapping_sub(1)));
+        let layout = &self.fine.layout;
+        let (mut own, mut after, mut before) = (j, None, None);
+        if let Some(stage) = &self.stages.y {
+            own = stage.fine_plane[j];
+            if stage.is_eliminated(own + 1) {
+                after = Some(stage);
+            }
+            if stage.is_eliminated(own.wrapping_sub(1)) {
+                before = Some(stage);
+            }
+        }
         let columns = halves.columns;
         let span = columns.span;
         for parity in 0..2 {
             let places = halves.places(parity);
             let from = thick.nodes(layout, own, parity, span);
-            let next = after.map(|stage| {
+            let (mut next, mut previous) = (None, None);
+            if let Some(stage) = after {
                 let share = &stage.previous.row(own + 1, k)[places.clone()];
-                (share, thick.nodes(layout, own + 1, parity, span))
-            });
-            let previous = before.map(|stage| {
-                let share = &stage.next.row(own - 1, k)[places.clone()];
-                (share, thick.nodes(layout, own - 1, parity, span))
-            });
+                next = Some((share, thick.nodes(layout, own + 1, parity, span)));
+            }
+            if let Some(stage) = before {
+                let share = &stage.next.row(own - 1, k)[places];
+                previous = Some((share, thick.nodes(layout, own - 1, parity, span)));
+            }
             let to = &mut halves.nodes_mut(parity)[..span];
             for &column in self.active {
                 let here = columns.places(column);
