@@ -14,6 +14,7 @@ pub mod electrode;
 pub mod estimate;
 mod fields;
 pub mod geometry;
+mod instructions;
 pub mod material;
 pub mod measurement;
 pub mod mesh;

@@ -27,13 +27,6 @@ const LOOKS_BEFORE_SLEEP: usize = 1024;
 /// given a task while it has no core would hold up the frame.
 const LOOKS_AT_HELPERS: usize = 32;
 
-/// Does work that the compiler can vectorise with the widest instructions of this machine. Not one of them fuses or
-/// reorders operations, so the result is the same on every machine. The work must be an `#[inline(always)]` closure.
-#[inline(always)]
-pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
-}
-
 /// The threads that share the work; none when one is to do it all.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Workers {

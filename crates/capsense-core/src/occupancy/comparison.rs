@@ -7,7 +7,7 @@
 use super::crossing::{NOWHERE, hull, larger, smaller};
 use super::pixel_row::{LANES, first_where, lanes, last_where};
 use super::{DepthLayers, Regions};
-use crate::workers::vectorised;
+use crate::instructions::vectorised;
 use std::ops::Range;
 
 /// Pixels that are looked at together, with those beside the first and the last.

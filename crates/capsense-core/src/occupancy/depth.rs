@@ -8,7 +8,7 @@ use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
 use super::pixel_row::{first_where, last_where, reduce};
 use super::{Earlier, LayerWall, LayersWithin, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
-use crate::workers::vectorised;
+use crate::instructions::vectorised;
 use glam::{DVec2, DVec3};
 
 /// An orthographic view of the domain along +z. Column 0 is at the smallest x, row 0 at the smallest y.

@@ -5,7 +5,8 @@ use super::coupling::{Coupling, EdgeRule};
 use super::near_field::{Row, Wedges};
 use super::scene::Scene;
 use super::{Contact, NO_OBJECT, Span};
-use crate::workers::{Workers, vectorised};
+use crate::instructions::vectorised;
+use crate::workers::Workers;
 
 /// So many edges keep a thread busy for ten times as long as it takes to hand them over.
 const EDGES_OF_A_TASK: usize = 128;

@@ -2,7 +2,8 @@
 
 use super::change::{Change, ChangeProducts};
 use super::rows::{Rows, STRIP};
-use crate::workers::{Workers, vectorised};
+use crate::instructions::vectorised_by_eight;
+use crate::workers::Workers;
 use std::ops::Range;
 
 /// One group of `L` columns. Rows of objects come after those of nodes.
@@ -126,7 +127,7 @@ impl<const L: usize> Columns<L> {
         let charges = kx[..rows.len()].chunks_mut(size).zip(partial.chunks_mut(size / STRIP));
         let tasks = fields.zip(charges).zip(change.cut(size)).zip((0..).step_by(size));
         workers.for_each(tasks, |(((((x, p), z), (kx, sums)), change), first)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || walk(rows, along, Slab { first, x, p, z, objects, kx, sums, change }),
             );
@@ -156,7 +157,7 @@ impl<const L: usize> Columns<L> {
         let tasks = charges.zip(change.cut(size)).zip((0..).step_by(size));
         workers.for_each(tasks, |(((kx, sums), mut change), first)| {
             let slab = first..first + kx.len();
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     for ((kx, sums), from) in kx.chunks_mut(STRIP).zip(sums).zip((first..).step_by(STRIP)) {
@@ -220,7 +221,7 @@ impl<const L: usize> Columns<L> {
     pub(super) fn evaluate_rows(&mut self, rows: &Rows, some: &[u32]) {
         let Self { x, kx, energies, .. } = self;
         let (x, objects) = x.split_at(rows.len());
-        vectorised(
+        vectorised_by_eight(
             #[inline(always)]
             || {
                 for row in some.iter().map(|&row| row as usize) {
@@ -273,7 +274,7 @@ impl<const L: usize> Columns<L> {
         let size = slab(rows, workers);
         let tasks = self.partial.chunks_mut(size / STRIP).zip((0..).step_by(size));
         workers.for_each(tasks, |(strips, first)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     for (sums, from) in strips.iter_mut().zip((first..).step_by(STRIP)) {

@@ -6,8 +6,9 @@ use super::coarsening::{Taken, take_over};
 use super::layout::BLOCK;
 use super::network::{Changed, Network, whole_blocks};
 use super::stage::Stage;
+use crate::instructions::EightLanes;
 use crate::workers::Workers;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
 /// So many rows keep a thread busy for longer than it takes to hand them over.
@@ -64,7 +65,7 @@ impl Made {
     }
 
     /// Computes all rows that a stage has reached and takes them over where they are not nearly as they were.
-    pub(super) fn collect(&mut self, workers: &Workers, arch: Arch, stage: &Stage, fine: &Network) {
+    pub(super) fn collect(&mut self, workers: &Workers, arch: EightLanes, stage: &Stage, fine: &Network) {
         let Self { coarse, changed, rooms } = self;
         changed.clear();
         let count = stage.reached.rows();

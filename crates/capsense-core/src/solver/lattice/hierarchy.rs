@@ -11,10 +11,10 @@ use super::level::Level;
 use super::network::{Changed, Network};
 use super::stencil::Stencil;
 use super::transfer::Transfer;
+use crate::instructions::EightLanes;
 use crate::mesh::Lattice;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
-use pulp::Arch;
 
 /// Merged cells may exceed the length of a step by this factor, so that equal cells merge in spite of rounding.
 const SLACK: f64 = 1.05;
@@ -113,7 +113,7 @@ impl Hierarchy {
     /// or a potential was fixed or released.
     pub(super) fn refresh_finest(
         &mut self,
-        arch: Arch,
+        arch: EightLanes,
         matrix: &StiffnessMatrix,
         fixed: &[bool],
         changed: &[u32],
@@ -157,7 +157,7 @@ impl Hierarchy {
     }
 
     /// The second half of a symmetric V-cycle, up to the correction x of the finest level.
-    pub(super) fn ascend(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+    pub(super) fn ascend(&mut self, workers: &Workers, arch: EightLanes, active: &[usize]) {
         self.ascend_coarse(workers, arch, active);
         let Self { levels, transfers, .. } = self;
         if let (Some(transfer), [finest, coarse, ..]) = (transfers.first_mut(), &mut levels[..]) {
@@ -171,7 +171,7 @@ impl Hierarchy {
     pub(super) fn descend(
         &mut self,
         workers: &Workers,
-        arch: Arch,
+        arch: EightLanes,
         active: &[usize],
         [gains, of_finest]: [&mut [f64]; 2],
     ) {
@@ -196,7 +196,7 @@ impl Hierarchy {
     }
 
     /// The second half up to where the second level is corrected.
-    pub(super) fn ascend_coarse(&mut self, workers: &Workers, arch: Arch, active: &[usize]) {
+    pub(super) fn ascend_coarse(&mut self, workers: &Workers, arch: EightLanes, active: &[usize]) {
         let Self { levels, transfers, .. } = self;
         for (index, transfer) in transfers.iter_mut().enumerate().skip(1).rev() {
             let (fine, coarse) = levels.split_at_mut(index + 1);
@@ -232,7 +232,7 @@ impl Coarser<'_> {
     }
 
     /// Recomputes them where the finest level changed.
-    pub(super) fn refresh(self, workers: &Workers, arch: Arch) {
+    pub(super) fn refresh(self, workers: &Workers, arch: EightLanes) {
         let (mut fine, mut changed) = (self.finest, &*self.pending);
         for transfer in &mut *self.transfers {
             transfer.refresh(workers, arch, fine, changed);

@@ -5,7 +5,8 @@ use super::network::{Changed, Network, whole_blocks};
 use super::parts::{Part, Parts, cut_both};
 use super::rows::deal_piece;
 use super::stencil::Stencil;
-use pulp::{Arch, Simd, WithSimd};
+use crate::instructions::EightLanes;
+use pulp::{Simd, WithSimd};
 
 /// A level's network and vectors.
 #[derive(Clone, Debug)]
@@ -53,7 +54,7 @@ impl Level {
     }
 
     /// Takes over the network where it changed.
-    pub(super) fn refresh(&mut self, arch: Arch, network: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, arch: EightLanes, network: &Network, changed: &Changed) {
         let Self { stencil, inverse, .. } = self;
         arch.dispatch(Refresh { stencil, inverse, network, changed });
     }
@@ -89,7 +90,7 @@ impl Level {
     }
 
     /// Some symmetric sweeps from zero, for a level that has no coarser one.
-    pub(super) fn solve(&mut self, arch: Arch, sweeps: usize, active: &[usize]) {
+    pub(super) fn solve(&mut self, arch: EightLanes, sweeps: usize, active: &[usize]) {
         // Such a level is too small for several slabs.
         self.slabs(0, active).for_each(|slab| arch.dispatch(Solve(slab, sweeps)));
     }

@@ -38,6 +38,10 @@ impl ObjectLinks {
     /// are there once for each node, and of vectors.
     pub(super) fn collect(&mut self, of_nodes: &Layout, layout: &Layout, matrix: &StiffnessMatrix) {
         self.links.clear();
+        self.extents = [0..0, 0..0];
+        if self.potentials.iter().all(|&potential| potential == 0.0) {
+            return;
+        }
         for (node, body_row, weight) in matrix.links() {
             let object = body_row - matrix.nodes();
             let potentials = &self.potentials[object * layout.columns..][..layout.columns];

@@ -37,6 +37,7 @@ mod walk;
 
 use super::islands::Islands;
 use super::operator::State;
+use crate::instructions::EightLanes;
 use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -50,7 +51,6 @@ use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;
 use potentials::Potentials;
-use pulp::Arch;
 use refreshed::{Blocks, Refreshed};
 use relaxation::Room;
 use sums::PIECE;
@@ -99,7 +99,7 @@ pub(crate) struct LatticeSolver {
     parts: Parts,
     charges: Vec<Vec<f32>>,
     workers: Workers,
-    arch: Arch,
+    arch: EightLanes,
 }
 
 impl LatticeSolver {
@@ -145,7 +145,7 @@ impl LatticeSolver {
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,
-            arch: Arch::new(),
+            arch: EightLanes::new(),
         }
     }
 

@@ -12,8 +12,9 @@ use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
 use super::relaxation::Room;
 use super::sums::{Equations, Nodes, PIECE, Partial, Sums, hold, total, turn_into_residuals};
+use crate::instructions::EightLanes;
 use crate::solver::operator::State;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 /// What changed rows change.
 pub(super) struct Refreshed<'a> {
@@ -106,7 +107,7 @@ impl Blocks {
 
 impl Refreshed<'_> {
     /// Recomputes the residuals of the blocks that are listed, and what depends on them.
-    pub(super) fn refresh(&mut self, arch: Arch) {
+    pub(super) fn refresh(&mut self, arch: EightLanes) {
         let Self { of_nodes, potentials, links, finest, increment, of_free, state, blocks, .. } = self;
         let Level { stencil, layout, b, charges, .. } = &mut **finest;
         let (inverse, layout) = (&stencil.centre, *layout);

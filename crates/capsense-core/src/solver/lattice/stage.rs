@@ -14,8 +14,8 @@ use super::layout::Layout;
 use super::network::{Changed, Network, place};
 use super::picks::Picks;
 use super::shares::Shares;
+use crate::instructions::EightLanes;
 use crate::workers::Workers;
-use pulp::Arch;
 use std::ops::Range;
 
 /// One axis made coarser.
@@ -81,7 +81,7 @@ impl Stage {
     }
 
     /// Recomputes the coarse network where the fine one changed, and notes where that made a difference.
-    pub(super) fn refresh(&mut self, workers: &Workers, arch: Arch, fine: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, workers: &Workers, arch: EightLanes, fine: &Network, changed: &Changed) {
         self.reached.clear();
         let mut made = std::mem::take(&mut self.made);
         if let Some(Room { row, .. }) = made.rooms.first_mut() {
@@ -209,7 +209,7 @@ mod tests {
     fn refresh(stage: &mut Stage, fine: &Network, nodes: &[[usize; 3]]) {
         let mut changed = Changed::nothing(COUNTS);
         nodes.iter().for_each(|&[i, j, k]| changed.add(i..i + 1, j, k));
-        stage.refresh(&Workers::default(), Arch::new(), fine, &changed);
+        stage.refresh(&Workers::default(), EightLanes::new(), fine, &changed);
     }
 
     fn is_near(a: f32, b: f32) -> bool {
@@ -312,7 +312,7 @@ mod tests {
             for k in (0..COUNTS[2]).rev() {
                 (0..COUNTS[1]).for_each(|j| changed.add(0..COUNTS[0], j, k));
             }
-            stage.refresh(workers, Arch::new(), &fine, &changed);
+            stage.refresh(workers, EightLanes::new(), &fine, &changed);
             [stage.made.coarse.next.concat(), stage.made.coarse.leak].concat()
         };
         assert_eq!(numbers(&workers, 2), numbers(&Workers::default(), 1));

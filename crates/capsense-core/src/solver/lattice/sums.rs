@@ -284,6 +284,7 @@ pub(super) fn add_mixed_products<B: Copy + Into<f64>>(mut sum: Partial, a: &[f32
 #[inline(always)]
 pub(super) fn total<T: Copy + Into<f64>>(partial: &[T; BLOCK]) -> f64 {
     let [a, b, c, d, e, f, g, h] = *partial;
-    let (first, second) = ((a.into() + e.into()) + (c.into() + g.into()), (b.into() + f.into()) + (d.into() + h.into()));
+    let (first, second) =
+        ((a.into() + e.into()) + (c.into() + g.into()), (b.into() + f.into()) + (d.into() + h.into()));
     first + second
 }

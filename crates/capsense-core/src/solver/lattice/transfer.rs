@@ -13,8 +13,8 @@ use super::parts::{Parts, cut_both};
 use super::prolongation::{Behind, Nothing, Prolongation};
 use super::restriction::Restriction;
 use super::stage::Stage;
+use crate::instructions::EightLanes;
 use crate::workers::Workers;
-use pulp::Arch;
 
 /// How a level is made coarser, with storage for each thread.
 #[derive(Clone, Debug)]
@@ -113,7 +113,7 @@ impl Transfer {
     }
 
     /// Recomputes the coarse network where the fine one changed.
-    pub(super) fn refresh(&mut self, workers: &Workers, arch: Arch, fine: &Network, changed: &Changed) {
+    pub(super) fn refresh(&mut self, workers: &Workers, arch: EightLanes, fine: &Network, changed: &Changed) {
         let (mut fine, mut changed) = (fine, changed);
         let Stages { z, y, x, .. } = &mut self.stages;
         for stage in z.iter_mut().chain(y).chain(x) {
@@ -127,7 +127,7 @@ impl Transfer {
     pub(super) fn restrict(
         &mut self,
         workers: &Workers,
-        arch: Arch,
+        arch: EightLanes,
         fine: &Level,
         coarse: &mut Level,
         active: &[usize],
@@ -168,7 +168,7 @@ impl Transfer {
     pub(super) fn prolong(
         &mut self,
         workers: &Workers,
-        arch: Arch,
+        arch: EightLanes,
         fine: &mut Level,
         coarse: &Level,
         active: &[usize],
@@ -183,7 +183,7 @@ impl Transfer {
     pub(super) fn prolong_before<'a, B: Behind + Send>(
         &mut self,
         workers: &Workers,
-        arch: Arch,
+        arch: EightLanes,
         slabs: impl Iterator<Item = (Slab<'a>, B)> + Send,
         coarse: &Level,
     ) {

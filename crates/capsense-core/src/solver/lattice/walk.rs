@@ -11,9 +11,10 @@ use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
 use super::prolongation::Behind;
 use super::sums::{Equations, Fields, Nodes, PIECE, Sums};
+use crate::instructions::EightLanes;
 use crate::solver::operator::State;
 use crate::workers::Workers;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
 impl LatticeSolver {
     /// Moves the fields by the step, after z was added to β times it, and evaluates them. Nothing follows what is no step.
@@ -104,7 +105,7 @@ struct Surroundings<'a> {
     scale: &'a [f64],
     parts: &'a Parts,
     workers: &'a Workers,
-    arch: Arch,
+    arch: EightLanes,
 }
 
 /// The vectors of a walk but for the potentials.

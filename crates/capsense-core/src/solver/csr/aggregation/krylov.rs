@@ -5,7 +5,8 @@
 
 use super::super::columns::add;
 use super::level::{Level, Vectors};
-use crate::workers::{Workers, vectorised};
+use crate::instructions::vectorised_by_eight;
+use crate::workers::Workers;
 
 /// Number of rows that one task takes: a coarse level has few.
 const TASK_ROWS: usize = 1024;
@@ -63,7 +64,7 @@ impl<const L: usize> Krylov<L> {
         let Self { first: x, k_first, partial } = self;
         let tasks = k_first.chunks_mut(TASK_ROWS).zip(partial.iter_mut()).zip((0..).step_by(TASK_ROWS));
         workers.for_each(tasks, |((k_first, sums), from)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     *sums = [[0.0; L]; 3];
@@ -90,7 +91,7 @@ impl<const L: usize> Krylov<L> {
         let tasks = self.partial.iter_mut().zip((0..).step_by(TASK_ROWS));
         let k_first = &self.k_first;
         workers.for_each(tasks, |(sums, from)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     *sums = [[0.0; L]; 3];
@@ -108,7 +109,7 @@ impl<const L: usize> Krylov<L> {
 
 /// a = α a + β b.
 fn combine<const L: usize>(a: &mut [[f32; L]], alpha: &[f32; L], b: &[[f32; L]], beta: &[f32; L]) {
-    vectorised(
+    vectorised_by_eight(
         #[inline(always)]
         || {
             for (a, b) in a.iter_mut().zip(b) {

@@ -8,7 +8,8 @@ use super::super::columns::add as add_double;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
 use super::transfer::Transfer;
-use crate::workers::{TASK_ROWS, Workers, vectorised};
+use crate::instructions::vectorised_by_eight;
+use crate::workers::{TASK_ROWS, Workers};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -160,7 +161,7 @@ impl Level {
         let blocks = x.chunks_mut(size).zip(gains.iter_mut()).zip((0..).step_by(size));
         let Some((transfer, coarse)) = coarse else {
             return workers.for_each(blocks, |((x, gains), first)| {
-                vectorised(
+                vectorised_by_eight(
                     #[inline(always)]
                     || self.sweep_block_forward::<L, TELL>(x, gains, first, own, b),
                 );
@@ -169,7 +170,7 @@ impl Level {
         workers.for_each(
             blocks.zip(transfer.cut(coarse)),
             |(((x, gains), first), (first_coarse, coarse))| {
-                vectorised(
+                vectorised_by_eight(
                     #[inline(always)]
                     || {
                         self.sweep_block_forward::<L, TELL>(x, gains, first, own, b);
@@ -240,7 +241,7 @@ impl Level {
         let size = self.pattern.block();
         let blocks = transfer.cut(coarse).zip(gains).zip((0..).step_by(size));
         workers.for_each(blocks, |(((first_coarse, coarse), gains), first)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     let border = self.border_before(first)..self.border_before(first + size);
@@ -277,7 +278,7 @@ impl Level {
         let (size, own, far) = (self.pattern.block(), own.as_slice(), far.as_slice());
         let tasks = x.chunks_mut(size).zip((0..).step_by(size));
         workers.for_each(tasks, |(x, first)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     if let Some((transfer, correction)) = coarse {
@@ -316,7 +317,7 @@ impl Level {
         let (x, border) = (x.as_slice(), self.pattern.border());
         let tasks = far.chunks_mut(TASK_ROWS).zip(border.chunks(TASK_ROWS));
         workers.for_each(tasks, |(far, border)| {
-            vectorised(
+            vectorised_by_eight(
                 #[inline(always)]
                 || {
                     for (far, &row) in far.iter_mut().zip(border) {

@@ -13,7 +13,8 @@ mod transfer;
 use super::change::Charges;
 use super::columns::add;
 use super::rows::Rows;
-use crate::workers::{TASK_ROWS, Workers, vectorised};
+use crate::instructions::vectorised_by_eight;
+use crate::workers::{TASK_ROWS, Workers};
 use coarsest::Coarsest;
 pub(super) use level::Gains;
 use level::{Level, Own, Residual, ResidualAhead, RightHandSide, Vectors};
@@ -161,7 +162,7 @@ impl Hierarchy {
         let rows = finest.rows();
         work.curvatures.resize(rows.div_ceil(TASK_ROWS), [[0.0; L]; 2]);
         workers.for_each(work.curvatures.iter_mut().zip((0..).step_by(TASK_ROWS)), |(sums, first)| {
-            *sums = vectorised(
+            *sums = vectorised_by_eight(
                 #[inline(always)]
                 || finest.curvatures(first..(first + TASK_ROWS).min(rows), z, p),
             );
