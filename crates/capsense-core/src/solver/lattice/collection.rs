@@ -11,8 +11,8 @@ use crate::workers::Workers;
 use pulp::{Simd, WithSimd};
 use std::ops::Range;
 
-/// So many rows keep a thread busy for longer than it takes to hand them over.
-const ROWS_OF_A_TASK: usize = 16;
+/// So many rows keep a thread busy for longer than it takes to hand them over, also where threads have no cache in common.
+const ROWS_OF_A_TASK: usize = 128;
 
 /// Up to so many tasks for each thread, as some take longer and some threads come later.
 pub(super) const TASKS_OF_A_THREAD: usize = 4;
@@ -57,6 +57,11 @@ struct Piece<'a> {
     numbers: [&'a mut [f32]; 4],
 }
 
+/// In how many tasks so many rows are computed, given how many there may be.
+pub(super) fn tasks(rows: usize, most: usize) -> usize {
+    (rows / ROWS_OF_A_TASK).clamp(1, most)
+}
+
 impl Made {
     /// Gives back the room that the first refresh took.
     pub(super) fn settle(&mut self) {
@@ -69,7 +74,7 @@ impl Made {
         let Self { coarse, changed, rooms } = self;
         changed.clear();
         let count = stage.reached.rows();
-        let tasks = (count / ROWS_OF_A_TASK).clamp(1, rooms.len());
+        let tasks = tasks(count, rooms.len());
         // Rows are in the order of memory where there are several tasks.
         let end = |rows: &Range<usize>| {
             let (_, j, k) = (rows.end < count).then(|| stage.reached.row(rows.end))?;

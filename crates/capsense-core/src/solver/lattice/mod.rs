@@ -307,7 +307,8 @@ impl LatticeSolver {
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
         if coarser.are_due() {
-            workers.both(|| coarser.refresh(workers, arch), residuals);
+            // The calling thread has the vectors in its caches.
+            workers.both(residuals, || coarser.refresh(workers, arch));
         } else {
             residuals();
         }

@@ -9,7 +9,7 @@
 //! arithmetic in `coarsening`, and how threads share them in `collection`.
 
 use super::coarse_row::{CoarseRow, Share};
-use super::collection::{Made, Room, TASKS_OF_A_THREAD};
+use super::collection::{Made, Room, TASKS_OF_A_THREAD, tasks};
 use super::layout::Layout;
 use super::network::{Changed, Network, place};
 use super::picks::Picks;
@@ -87,7 +87,7 @@ impl Stage {
         if let Some(Room { row, .. }) = made.rooms.first_mut() {
             arch.dispatch(Share { stage: self, row, fine, changed });
         }
-        if made.rooms.len() > 1 {
+        if tasks(self.reached.rows(), made.rooms.len()) > 1 {
             self.reached.sort();
         }
         made.collect(workers, arch, self, fine);
@@ -199,7 +199,7 @@ mod tests {
         }
         let mut next = node;
         next[what] += 1;
-        if next[what] == COUNTS[what] {
+        if next[what] == fine.counts[what] {
             return vec![];
         }
         fine.next[what][at] = value as f32;
@@ -253,7 +253,7 @@ mod tests {
         let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
         for (axis, planes) in COUNTS.into_iter().enumerate() {
             let kept: Vec<bool> = (0..planes).map(|plane| ![1, 4, 6].contains(&plane)).collect();
-            let (mut fine, mut noise) = (contrasts(), noise());
+            let (mut fine, mut noise) = (contrasts(COUNTS), noise());
             for &node in &all {
                 let at = fine.index(node);
                 fine.leak[at] = [-2.0, -3.0, 0.0, 1.0][noise(4)];
@@ -269,10 +269,10 @@ mod tests {
     }
 
     /// Weights without any pattern, some of them much larger than others, and nothing that leads to fixed potentials.
-    fn contrasts() -> Network {
-        let (layout, mut noise) = (Layout::new(COUNTS, [0, 0]), noise());
-        let mut fine = Network::new(COUNTS);
-        for node in 0..COUNTS.iter().product() {
+    fn contrasts(counts: [usize; 3]) -> Network {
+        let (layout, mut noise) = (Layout::new(counts, [0, 0]), noise());
+        let mut fine = Network::new(counts);
+        for node in 0..counts.iter().product() {
             let node = layout.indices(node);
             (0..3).for_each(|axis| drop(change(&mut fine, node, axis, [1, 2, 80, 1_000_000][noise(4)])));
         }
@@ -284,7 +284,7 @@ mod tests {
     fn where_no_potential_is_fixed_nothing_leaks() {
         let layout = Layout::new(COUNTS, [0, 0]);
         let all: Vec<[usize; 3]> = (0..COUNTS.iter().product()).map(|node| layout.indices(node)).collect();
-        let fine = contrasts();
+        let fine = contrasts(COUNTS);
         for (axis, planes) in COUNTS.into_iter().enumerate() {
             let kept: Vec<bool> = (0..planes).map(|plane| ![1, 4, 6].contains(&plane)).collect();
             let mut stage = Stage::new(COUNTS, axis, &kept, &layout, 1);
@@ -301,16 +301,18 @@ mod tests {
     /// As many threads as there are rows enough for compute the same bits as one.
     #[test]
     fn threads_share_the_rows_without_a_trace() {
-        let layout = Layout::new(COUNTS, [0, 0]);
-        let (fine, workers) = (contrasts(), Workers::new(2, 1_000_000));
+        let counts = [11, 20, 30];
+        assert!(tasks(counts[1] * counts[2], 8) > 2);
+        let layout = Layout::new(counts, [0, 0]);
+        let (fine, workers) = (contrasts(counts), Workers::new(2, 1_000_000));
         let _awake = workers.wake_all();
-        let kept: Vec<bool> = (0..COUNTS[0]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
+        let kept: Vec<bool> = (0..counts[0]).map(|plane| ![1, 4, 6].contains(&plane)).collect();
         let numbers = |workers: &Workers, threads: usize| {
-            let mut stage = Stage::new(COUNTS, 0, &kept, &layout, threads);
-            let mut changed = Changed::nothing(COUNTS);
+            let mut stage = Stage::new(counts, 0, &kept, &layout, threads);
+            let mut changed = Changed::nothing(counts);
             // From above, so that rows do not come in the order of memory.
-            for k in (0..COUNTS[2]).rev() {
-                (0..COUNTS[1]).for_each(|j| changed.add(0..COUNTS[0], j, k));
+            for k in (0..counts[2]).rev() {
+                (0..counts[1]).for_each(|j| changed.add(0..counts[0], j, k));
             }
             stage.refresh(workers, EightLanes::new(), &fine, &changed);
             [stage.made.coarse.next.concat(), stage.made.coarse.leak].concat()
