@@ -20,8 +20,6 @@ pub(super) struct Pairs {
     room: usize,
     kept: Vec<f32>,
     behind: Vec<f32>,
-    /// What has been gathered, before it is dealt out.
-    sums: Vec<f32>,
 }
 
 /// The shares of a row's eliminated nodes in the values of the nodes before and behind them.
@@ -52,7 +50,7 @@ impl<'a> RowShares<'a> {
 
 impl Pairs {
     pub(super) fn clear(&mut self) {
-        for values in [&mut self.kept, &mut self.behind, &mut self.sums] {
+        for values in [&mut self.kept, &mut self.behind] {
             values.fill(0.0);
         }
     }
@@ -61,7 +59,7 @@ impl Pairs {
     pub(super) fn zeros(nodes: usize, columns: usize) -> Self {
         let (len, room) = (nodes.next_multiple_of(2 * BLOCK), room_for_pairs(nodes));
         let zeros = vec![0.0; columns * room];
-        Self { len, room, kept: zeros.clone(), behind: zeros, sums: vec![0.0; len] }
+        Self { len, room, kept: zeros.clone(), behind: zeros }
     }
 
     /// Takes one column's fine row apart.
@@ -104,7 +102,7 @@ impl Pairs {
     /// Adds to the kept nodes what they get of the eliminated ones, and deals the sums out to even and odd nodes.
     #[inline(always)]
     pub(super) fn restrict<S: Simd>(
-        &mut self,
+        &self,
         simd: S,
         shares: RowShares<'_>,
         column: usize,
@@ -112,11 +110,18 @@ impl Pairs {
     ) {
         let n = self.len;
         let own = column * self.room + BLOCK;
-        let sums = &mut self.sums[..n];
+        let kept = &self.kept[own..own + n];
         let next = [&shares.previous[BLOCK..][..n], &self.behind[own..own + n]];
         let previous = [&shares.next[BLOCK - 1..][..n], &self.behind[own - 1..own - 1 + n]];
-        gather(simd, sums, &self.kept[own..own + n], next, previous);
-        deal(sums, even, odd);
+        let (even, odd) = (&mut even[..n / 2], &mut odd[..n / 2]);
+        for (number, (even, odd)) in even.chunks_exact_mut(BLOCK).zip(odd.chunks_exact_mut(BLOCK)).enumerate()
+        {
+            let (here, mut sums) = (number * 2 * BLOCK..(number + 1) * 2 * BLOCK, [0.0; 2 * BLOCK]);
+            let next = [&next[0][here.clone()], &next[1][here.clone()]];
+            let previous = [&previous[0][here.clone()], &previous[1][here.clone()]];
+            gather(simd, &mut sums, &kept[here], next, previous);
+            deal(&sums, even, odd);
+        }
     }
 
     /// Takes the kept nodes, even and odd ones, with a block of each more than are in the row.
