@@ -84,5 +84,6 @@ fn main() {
     }
     for size in MESHES.into_iter().filter(|size| *size <= largest) {
         measure("csr", size, (on_tetrahedra, GROUNDED), &wanted);
+        measure("csr-80", size, (on_tetrahedra, glass), &wanted);
     }
 }

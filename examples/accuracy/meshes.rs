@@ -116,9 +116,9 @@ impl Table {
              medians of ways there and back.\n"
         );
         println!(
-            "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways |"
+            "| mesh | tetrahedra | bars | worst entry | other bodies | worst entry | ms up and down | ms sideways | ms of both |"
         );
-        println!("|---|---:|---:|---:|---:|---:|---:|---:|");
+        println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
         Ok(Self { exact, only: arguments.only.clone(), pixels: arguments.pixels })
     }
 
@@ -130,7 +130,7 @@ impl Table {
         let (sensor, note) = match sensor() {
             Ok(made) => made,
             Err(refused) if refused.is::<WorkspaceError>() => {
-                println!("| {name}: {refused} | | | | | | | |");
+                println!("| {name}: {refused} | | | | | | | | |");
                 return Ok(());
             }
             Err(other) => return Err(other),
@@ -145,9 +145,9 @@ impl Table {
                 errors.collect::<Result<String>>()?
             }
         };
-        let [up, sideways] = milliseconds(&sensor, self.pixels)?;
-        let times = [up, sideways].map(|[mean, median]| format!("{mean:.3}, {median:.3}"));
-        println!("| {name}{note} | {} |{cells} {} | {} |", sensor.mesh().tets().len(), times[0], times[1]);
+        let times =
+            milliseconds(&sensor, self.pixels)?.map(|[mean, median]| format!("{mean:.3}, {median:.3}"));
+        println!("| {name}{note} | {} |{cells} {} |", sensor.mesh().tets().len(), times.join(" | "));
         Ok(())
     }
 }
@@ -263,16 +263,18 @@ fn worst(changes: &[Change], exact: &[Change]) -> Result<[f64; 2]> {
     Ok(worst)
 }
 
-/// Of all frames of the bar's ways up and down and sideways, 1 mm a frame, the mean and the median; of the ways there and back
-/// the second. Solids are placed within a frame, images are there before it.
-fn milliseconds(sensor: &Sensor, pixels: Option<usize>) -> Result<[[f64; 2]; 2]> {
+/// Of all frames of the bar's ways up and down, sideways, and of both, 1 mm a frame, the mean and the median; of the ways there and
+/// back the second. Solids are placed within a frame, images are there before it.
+fn milliseconds(sensor: &Sensor, pixels: Option<usize>) -> Result<[[f64; 2]; 3]> {
     let [low, high] = HEIGHTS;
     let up = (low..high).chain((low + 1..=high).rev()).map(|gap| DVec3::new(0.0, 0.0, f64::from(gap) + 10.0));
     let [left, right] = ASIDE;
     let sideways = (left..right).chain((left + 1..=right).rev()).map(|y| DVec3::new(0.0, f64::from(y), 60.0));
     let began = Instant::now();
-    let mut told = [[0.0; 2]; 2];
-    for (told, way) in told.iter_mut().zip([up.collect::<Vec<_>>(), sideways.collect()]) {
+    let [mut of_up, mut of_sideways] = [Vec::new(), Vec::new()];
+    for (of_way, way) in
+        [&mut of_up, &mut of_sideways].into_iter().zip([up.collect::<Vec<_>>(), sideways.collect()])
+    {
         let mut simulator = simulator(sensor, OF_FRAMES, Some(1))?;
         let mut body = Body::new(&Shape::Box { size: BAR }, pixels)?;
         let mut took = Vec::with_capacity(2 * way.len());
@@ -288,11 +290,13 @@ fn milliseconds(sensor: &Sensor, pixels: Option<usize>) -> Result<[[f64; 2]; 2]>
             let _ = body.step(&mut simulator)?;
             took.push(1e3 * (seconds(&began) - start));
         }
-        let took = &mut took[way.len()..];
-        took.sort_unstable_by(f64::total_cmp);
-        *told = [took.iter().sum::<f64>() / took.len() as f64, took[took.len() / 2]];
+        *of_way = took.split_off(way.len());
     }
-    Ok(told)
+    let of_both = [&of_up[..], &of_sideways].concat();
+    Ok([of_up, of_sideways, of_both].map(|mut took| {
+        took.sort_unstable_by(f64::total_cmp);
+        [took.iter().sum::<f64>() / took.len() as f64, took[took.len() / 2]]
+    }))
 }
 
 /// Processor time of this thread where the system tells it, else since it began. Other programs count for less then, but they
