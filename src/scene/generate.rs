@@ -6,7 +6,7 @@ use super::raw::{MeshKind as RawKind, RawGenerate, Tuple};
 use super::source::{SceneError, Source};
 use capsense_core::glam::DVec3;
 use capsense_core::sensor::{MeshKind, Sensor, SensorDesign};
-use capsense_core::workspace::{MeshRequest, Probes, WorkspaceError};
+use capsense_core::workspace::{MeshRequest, Probes, WorkspaceError, most_accurate};
 
 /// Tetrahedra of the mesh when the scene does not say.
 const DEFAULT_ELEMENTS: usize = 100_000;
@@ -26,7 +26,7 @@ pub struct GeneratedMesh {
 /// How large a mesh is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshSize {
-    /// It has at most so many tetrahedra.
+    /// It is the most accurate that was found of at most so many tetrahedra.
     Elements(usize),
     /// It is the smallest whose estimated relative error of ΔC, at all places of a plate, is below the tolerance.
     Tolerance {
@@ -104,12 +104,11 @@ impl GeneratedMesh {
         design: &SensorDesign,
         threads: usize,
     ) -> Result<Sensor, SceneError> {
+        let threads = (threads > 0).then_some(threads);
         match &self.size {
-            MeshSize::Elements(elements) => {
-                Sensor::generated(design, self.kind, *elements).map_err(|error| locate(source, names, &error))
-            }
+            MeshSize::Elements(elements) => most_accurate(design, self.kind, *elements, threads)
+                .map_err(|error| locate(source, names, &error)),
             MeshSize::Tolerance { tolerance, probes } => {
-                let threads = (threads > 0).then_some(threads);
                 let request =
                     MeshRequest { tolerance: *tolerance, kind: self.kind, probes: probes.clone(), threads };
                 let choice =

@@ -5,6 +5,7 @@
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
 use super::{Change, Probed, Probes};
+use crate::geometry::Shape;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
@@ -14,7 +15,7 @@ use glam::DVec3;
 const FIRST: usize = 4_000;
 
 /// How many times as many tetrahedra the lattice has at least that others are compared with.
-const FINER: f64 = 4.0;
+pub(super) const FINER: f64 = 4.0;
 
 /// Tetrahedra of the finest lattice that others are compared with: it needs about 2 GB.
 const FINEST: usize = 8_000_000;
@@ -141,6 +142,11 @@ impl MeshRequest {
     }
 }
 
+/// The error of a finer mesh in parts of that of a coarser one; none if it is not finer.
+pub(super) fn beyond(tets: usize, of_finer: usize) -> Option<f64> {
+    (of_finer > tets).then(|| (of_finer as f64 / tets as f64).powf(ORDER))
+}
+
 /// What the plate changes on one lattice.
 struct Rung {
     allowed: usize,
@@ -160,7 +166,7 @@ struct Search<'a> {
 impl Search<'_> {
     fn probed(&self, sensor: Sensor) -> Result<Probed, WorkspaceError> {
         let MeshRequest { tolerance, probes, threads, .. } = self.request;
-        Probed::new(sensor, probes.plate, *tolerance, *threads)
+        Probed::new(sensor, Shape::Box { size: probes.plate }, *tolerance, *threads)
     }
 
     fn rung(&self, allowed: usize) -> Result<Rung, WorkspaceError> {
@@ -204,11 +210,7 @@ impl Search<'_> {
     ) -> Result<f64, WorkspaceError> {
         let places = &self.request.probes.places;
         let error = change.error(&reference.changes[at]).ok_or(WorkspaceError::NotFelt(places[at]))?;
-        if tets >= reference.tets {
-            return Ok(f64::INFINITY);
-        }
-        let left = (reference.tets as f64 / tets as f64).powf(ORDER);
-        Ok(error.of_all / (1.0 - left))
+        Ok(beyond(tets, reference.tets).map_or(f64::INFINITY, |left| error.of_all / (1.0 - left)))
     }
 
     /// How many tetrahedra it takes if errors fall as they should from those of a lattice.

@@ -12,9 +12,11 @@
 
 mod change;
 mod choice;
+mod most_accurate;
 
 pub use change::{Change, ChangeError};
 pub use choice::{MeshChoice, MeshRequest, WorkspaceError};
+pub use most_accurate::most_accurate;
 
 use crate::geometry::{Pose, Shape};
 use crate::material::{Connection, Material};
@@ -103,7 +105,7 @@ impl Probes {
     }
 }
 
-/// A sensor with the plate near it.
+/// A sensor with the plate, or another conductor, near it.
 pub(crate) struct Probed {
     simulator: Simulator,
     solids: Solids,
@@ -113,7 +115,7 @@ impl Probed {
     /// Solves so exactly that it can be told whether the sensor's mesh meets a tolerance of ΔC.
     pub(crate) fn new(
         sensor: Sensor,
-        plate: DVec3,
+        body: Shape,
         tolerance: f64,
         threads: Option<usize>,
     ) -> Result<Self, WorkspaceError> {
@@ -122,11 +124,11 @@ impl Probed {
         let grounded = Material::Conductor(Connection::Grounded);
         Ok(Self {
             simulator: Simulator::new(sensor, vec![grounded], options)?,
-            solids: Solids::new(&[Shape::Box { size: plate }])?,
+            solids: Solids::new(&[body])?,
         })
     }
 
-    /// What the plate changes of C with its centre at a place.
+    /// What the body changes of C with its centre at a place.
     pub(crate) fn change(&mut self, place: DVec3) -> Result<Change, WorkspaceError> {
         self.solids.place(&[Pose::at(place)])?;
         let _ = self.simulator.step(&self.solids)?;
