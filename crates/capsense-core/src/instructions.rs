@@ -1,4 +1,4 @@
-//! The sets of instructions that work on many numbers is compiled for, one of which is chosen at run time.
+//! Which instructions of a processor loops over many numbers are compiled for: for several sets, one of which is chosen at run time.
 //!
 //! Not one of them fuses or reorders operations, so results are the same on every machine.
 
@@ -8,7 +8,12 @@ use pulp::WithSimd;
 /// `#[inline(always)]` closure.
 #[inline(always)]
 pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
+    widest().dispatch(work)
+}
+
+/// The widest instructions of this machine.
+pub(crate) fn widest() -> pulp::Arch {
+    pulp::Arch::new()
 }
 
 /// The same with instructions on no more than eight numbers in single precision, four in double: where so many columns are side by

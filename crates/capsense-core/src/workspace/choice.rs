@@ -142,8 +142,8 @@ impl MeshRequest {
     }
 }
 
-/// The error of a finer mesh in parts of that of a coarser one; none if it is not finer.
-pub(super) fn beyond(tets: usize, of_finer: usize) -> Option<f64> {
+/// The error of a finer mesh in parts of that of a coarser one, as [`ORDER`] has it; none if it is not finer.
+pub(super) fn expected_ratio(tets: usize, of_finer: usize) -> Option<f64> {
     (of_finer > tets).then(|| (of_finer as f64 / tets as f64).powf(ORDER))
 }
 
@@ -210,7 +210,7 @@ impl Search<'_> {
     ) -> Result<f64, WorkspaceError> {
         let places = &self.request.probes.places;
         let error = change.error(&reference.changes[at]).ok_or(WorkspaceError::NotFelt(places[at]))?;
-        Ok(beyond(tets, reference.tets).map_or(f64::INFINITY, |left| error.of_all / (1.0 - left)))
+        Ok(expected_ratio(tets, reference.tets).map_or(f64::INFINITY, |left| error.of_all / (1.0 - left)))
     }
 
     /// How many tetrahedra it takes if errors fall as they should from those of a lattice.

@@ -4,7 +4,7 @@
 //! stripes' capacitances is off by half as much on a lattice of 33,264 tetrahedra as on one of 39,744. So some sizes are tried, as
 //! where the smallest mesh for a tolerance is looked for ([`super::choice`]).
 
-use super::choice::{FINER, beyond};
+use super::choice::{FINER, expected_ratio};
 use super::{Change, Probed, Probes, WorkspaceError, electrode_bounds, top};
 use crate::geometry::Shape;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
@@ -141,7 +141,7 @@ impl Comparison {
 
     /// The square mean of the errors of a mesh with the bodies at all places, or one that is no less than some bound.
     fn error(&self, sensor: &Sensor, bound: f64) -> Result<f64, WorkspaceError> {
-        let left = beyond(sensor.mesh().tets().len(), self.tets).unwrap_or(1.0);
+        let left = expected_ratio(sensor.mesh().tets().len(), self.tets).unwrap_or(1.0);
         let mut mean = 0.0;
         for Body { shape, places, exact } in &self.bodies {
             let mut probed = Probed::new(sensor.clone(), shape.clone(), EXACT, self.threads)?;

@@ -4,6 +4,7 @@ use super::super::coupling::SMALLEST_PART;
 use super::field::wedge_potentials;
 use super::row::larger;
 use super::{AtWedge, RightAngle};
+use crate::instructions::widest;
 use glam::DVec3;
 
 /// Links of so many nodes are found together.
@@ -166,7 +167,7 @@ impl LinkBatch {
         is_hidden: impl Fn(&Unlinked, usize) -> bool,
         mut visit: impl FnMut(&Unlinked, AtWedge),
     ) {
-        let arch = pulp::Arch::new();
+        let arch = widest();
         arch.dispatch(PlaceNeighbours(self));
         let count = std::mem::take(&mut self.count);
         for at in (0..count).filter(|&at| self.doubtful[at] != 0.0) {

@@ -43,6 +43,7 @@ use super::coupling::Coupling;
 use super::index_set::IndexSet;
 use super::{NO_OBJECT, Scene, Surfaces};
 use crate::geometry::Aabb;
+use crate::instructions::widest;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
 use cells::RowCells;
@@ -373,7 +374,7 @@ impl Scene<'_> {
             if is_far {
                 nearest.clear();
             } else {
-                pulp::Arch::new().dispatch(FindNearest { angles, half, row: *row, nearest });
+                widest().dispatch(FindNearest { angles, half, row: *row, nearest });
             }
         }
     }
