@@ -345,8 +345,8 @@ fn a_dielectric_of_eighty_is_not_much_harder_than_a_conductor() {
             steps.map(|solid| simulator.step(&seen(&[solid])).unwrap().solve.iterations).sum::<usize>()
         });
         // Twice as many is the aim. It was 2.51 times on this lattice while coarse networks tied the bar to ground; it is 110 to 49
-        // now, and on plain tetrahedra 118 to 43: 148 to 70 before fields were led on and rows relaxed, which spares the conductor more.
-        let percent = if sensor.lattice().is_some() { 250 } else { 280 };
+        // now, and on plain tetrahedra 83 to 43: 118 to 43 before aggregates were no lines and levels alone told of the bar's direction.
+        let percent = if sensor.lattice().is_some() { 250 } else { 230 };
         assert!(100 * iterations[1] <= percent * iterations[0], "{iterations:?}");
     }
 }

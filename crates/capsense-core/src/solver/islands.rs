@@ -57,20 +57,21 @@ impl Islands {
         self.islands.is_empty()
     }
 
-    /// Finds the connected sets of free nodes that strong edges hold together. `changed` holds the nodes whose row or
-    /// state changed since the last time.
+    /// Finds the connected sets of free nodes that edges of at least some contrast hold together, always the same.
+    /// `changed` holds the nodes whose row or state changed since the last time.
     pub(super) fn find(
         &mut self,
         matrix: &StiffnessMatrix,
         occupancy: &Occupancy,
         fixed: &[bool],
         changed: &[u32],
+        least: f64,
     ) {
-        self.find_strong_edges(matrix, occupancy, fixed, changed);
+        self.find_strong_edges(matrix, occupancy, fixed, changed, least);
         self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
         self.is_member.resize(matrix.nodes(), false);
         self.islands.clear();
-        let mut contrast = CONTRAST;
+        let mut contrast = least;
         while contrast < STRONGEST && self.join(matrix, occupancy, contrast) {
             self.collect(matrix, occupancy);
             contrast *= NESTED;
@@ -112,6 +113,7 @@ impl Islands {
         occupancy: &Occupancy,
         fixed: &[bool],
         changed: &[u32],
+        least: f64,
     ) {
         let Self { strong, is_strong, .. } = self;
         let edges = matrix.network().edges();
@@ -120,7 +122,7 @@ impl Islands {
         for &node in changed {
             edges.for_edges_at(node as usize, |edge, _| {
                 let is_strong_now =
-                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= CONTRAST;
+                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= least;
                 if is_strong_now && !is_strong[edge] {
                     strong.push(edge as u32);
                 }

@@ -175,7 +175,10 @@ impl CsrSolver {
         fixed: &[bool],
         changed: &[u32],
     ) {
-        for_width!(self, of => of.islands.find(matrix, occupancy, fixed, changed));
+        for_width!(self, of => {
+            let least = of.inverse.contrast_of_islands();
+            of.islands.find(matrix, occupancy, fixed, changed, least);
+        });
     }
 }
 

@@ -9,6 +9,7 @@ use crate::material::{Connection, Material, RelativePermittivity};
 use crate::mesh::TetMesh;
 use crate::occupancy::{DepthLayers, EdgeGeometry, Occupancy, OrthographicView};
 use crate::sensor::{ElectrodeNodes, FREE, GROUND, Sensor, SensorDesign, Wall};
+use crate::solver::CONTRAST;
 use crate::stiffness::EdgeNetwork;
 use glam::{DVec2, DVec3};
 
@@ -322,7 +323,7 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     let network = scene.matrix.network();
     let mut inside = vec![false; scene.matrix.nodes()];
     for (edge, coupling) in scene.occupancy.couplings().iter().enumerate() {
-        if coupling.through >= crate::solver::CONTRAST {
+        if coupling.through >= CONTRAST {
             network.edges().ends(edge).unwrap().iter().for_each(|&node| inside[node as usize] = true);
         }
     }
@@ -354,7 +355,7 @@ fn islands_in_islands_are_solved_for_exactly() {
         height += 1e-4;
         assert!(height < 0.06);
         scene.move_object(height, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
-        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
+        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes(), CONTRAST);
     }
     let mut expected = vec![0.0; scene.matrix.nodes()];
     for (island, height) in islands.islands().iter().zip([1.0, -0.3, 2.0]) {
@@ -504,6 +505,22 @@ fn energies_are_those_of_the_fields_before_any_step() {
     }
 }
 
+/// What coarse levels know of is not told of twice.
+#[test]
+fn levels_stand_in_for_islands_of_weak_bodies() {
+    let found = |preconditioner, permittivity| {
+        let mut scene = Scene::new(5_000);
+        let mut solver = scene.solver_of_four(2, preconditioner, 1);
+        scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(permittivity).unwrap()));
+        let (fixed, all) = (scene.fixed(), scene.all_nodes());
+        let least = solver.inverse.contrast_of_islands();
+        solver.islands.find(&scene.matrix, &scene.occupancy, &fixed, &all, least);
+        !solver.islands.is_empty()
+    };
+    assert!(!found(Preconditioner::Multigrid, 80.0) && found(Preconditioner::Jacobi, 80.0));
+    assert!(found(Preconditioner::Multigrid, 1e4));
+}
+
 /// Inside it the potential is nearly constant and nearly free: the direction that an iteration finds last.
 #[test]
 fn a_body_that_nearly_floats_takes_few_iterations() {
@@ -541,9 +558,9 @@ fn islands_found_where_something_changed_are_those_found_at_once() {
     for height in [0.03, 0.035, 0.06, 0.01, 0.058, 0.2, 0.03] {
         scene.move_object(height, body);
         let fixed = scene.fixed();
-        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows());
+        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows(), CONTRAST);
         let mut fresh = Islands::default();
-        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes());
+        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes(), CONTRAST);
         assert_eq!(moving.islands(), fresh.islands(), "{height}");
         let seen = !scene.occupancy.changed_edges().is_empty();
         assert_eq!(fresh.islands().len(), usize::from(height < 0.1 && seen), "{height}");

@@ -35,7 +35,7 @@ mod sums;
 mod transfer;
 mod walk;
 
-use super::islands::Islands;
+use super::islands::{CONTRAST, Islands};
 use super::operator::State;
 use crate::instructions::EightLanes;
 use crate::mesh::Lattice;
@@ -235,7 +235,7 @@ impl LatticeSolver {
         fixed: &[bool],
         changed: &[u32],
     ) {
-        self.islands.find(matrix, occupancy, fixed, changed);
+        self.islands.find(matrix, occupancy, fixed, changed, CONTRAST);
     }
 
     /// Gives back the room that the first refresh took, in which every row changed.

@@ -15,6 +15,7 @@ use super::columns::add;
 use super::rows::Rows;
 use crate::instructions::vectorised_by_eight;
 use crate::workers::{TASK_ROWS, Workers};
+use aggregates::{Couplings, aggregates};
 use coarsest::Coarsest;
 pub(super) use level::Gains;
 use level::{Level, Own, Residual, ResidualAhead, RightHandSide, Vectors};
@@ -77,8 +78,11 @@ impl Hierarchy {
     }
 
     fn build(&mut self) {
+        let mut couplings = Couplings::of(&self.levels[0]);
         while let Some(fine) = self.levels.last().filter(|level| level.rows() > FEW_ROWS) {
-            let (mut transfer, mut coarse) = Transfer::new(fine);
+            let aggregates = aggregates(fine, &couplings);
+            let (mut transfer, mut coarse) = Transfer::new(fine, aggregates.of_row, aggregates.count);
+            couplings = aggregates.couplings;
             if coarse.rows() == 0 || 10 * coarse.rows() > 9 * transfer.count() {
                 break;
             }

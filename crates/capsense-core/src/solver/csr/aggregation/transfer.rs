@@ -5,7 +5,6 @@
 //! product with a piecewise constant prolongator).
 
 use super::super::pattern::Pattern;
-use super::aggregates::aggregates;
 use super::level::{Level, NONE};
 use std::ops::Range;
 use std::sync::Arc;
@@ -67,9 +66,8 @@ impl Lists {
 }
 
 impl Transfer {
-    /// Forms aggregates and the pattern of the coarse level.
-    pub(super) fn new(fine: &Level) -> (Self, Level) {
-        let (aggregate, count) = aggregates(fine);
+    /// Makes the pattern of the coarse level, with the aggregate of each fine row and their number.
+    pub(super) fn new(fine: &Level, aggregate: Vec<u32>, count: usize) -> (Self, Level) {
         let members = Lists::new(count, aggregate.iter().copied().zip(0..));
         let fine_entries =
             (0..fine.rows()).flat_map(|row| fine.pattern.entries(row).map(move |entry| (row, entry)));
