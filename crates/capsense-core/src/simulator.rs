@@ -7,7 +7,7 @@ use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::estimate::{Capacitances, ErrorBars};
 use crate::fields::Fields;
 use crate::material::Material;
-use crate::occupancy::{Contact, EdgeGeometry, Interface, Occupancy, Surfaces, unresolved};
+use crate::occupancy::{Contact, EdgeGeometry, Interface, Occupancy, Surfaces, may_be_immersed, unresolved};
 use crate::sensor::Sensor;
 use crate::solver::{CONTRAST, Preconditioner, RemoteFields, SolveReport, SolverOptions};
 use crate::stiffness::{EdgeNetwork, StiffnessMatrix};
@@ -403,7 +403,10 @@ pub(crate) fn nothing_there(
     };
     // A single conductor alone scales no weights.
     let are_scaled = has_dielectrics || materials.len() > 1;
-    let occupancy = occupancy.with_weights(mesh, network.edges(), network.weights(), are_scaled);
+    let mut occupancy = occupancy.with_weights(mesh, network.edges(), network.weights(), are_scaled);
+    if interface == Interface::EdgeCut && may_be_immersed(mesh, materials) {
+        occupancy = occupancy.with_immersed_elements(mesh, network.edges());
+    }
     (network, occupancy)
 }
 

@@ -4,7 +4,7 @@ use super::camera_wall::CameraWalls;
 use super::coupling::{Coupling, EdgeRule};
 use super::near_field::{Row, Wedges};
 use super::scene::Scene;
-use super::{Contact, NO_OBJECT, Span};
+use super::{Contact, Filled, NO_OBJECT, Span};
 use crate::instructions::vectorised;
 use crate::workers::Workers;
 
@@ -34,12 +34,15 @@ pub(super) struct Asked {
 pub(super) struct Found {
     pub(super) ends: [u32; 2],
     pub(super) coupling: Coupling,
+    /// Which dielectric is on the edge, if it is cut anew.
+    pub(super) filled: Filled,
     /// Whether an object meets the edge, or more than what is on it tells what it is without what is around it.
     pub(super) is_met: bool,
 }
 
 impl Found {
-    const NOTHING: Self = Self { ends: [0; 2], coupling: Coupling::PLAIN, is_met: false };
+    const NOTHING: Self =
+        Self { ends: [0; 2], coupling: Coupling::PLAIN, filled: Filled::NOTHING, is_met: false };
 }
 
 /// What it follows from.
@@ -129,14 +132,14 @@ impl Room {
         if !is_cut_anew {
             spans.clear();
             let coupling = self.look_around(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
-            return Found { ends, coupling, is_met: false };
+            return Found { ends, coupling, filled: Filled::NOTHING, is_met: false };
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
         if owners[0] == owners[1] && !is_free && !scene.has_camera_walls {
             // Nothing on an edge within a conductor matters.
             let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
-            return Found { ends, coupling, is_met: true };
+            return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };
         }
         sight.walls.find_spans(scene, (edge, ends), spans);
         if !spans.is_empty() && scene.is_at_electrode(ends) {
@@ -144,8 +147,10 @@ impl Room {
         }
         let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
         if let Some(through) = parallel.flatten() {
-            return Found { ends, coupling: Coupling::only_through(through), is_met: true };
+            let coupling = Coupling::only_through(through);
+            return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };
         }
+        let filled = Filled::first_of(spans, scene.materials);
         let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
         let in_face = in_face.flatten();
         let mut is_met = in_face.is_some() || !spans.is_empty() || !is_free;
@@ -162,7 +167,7 @@ impl Room {
                 cut
             }
         };
-        Found { ends, coupling: self.look_around(sight, (edge, ends), owners, cut), is_met }
+        Found { ends, coupling: self.look_around(sight, (edge, ends), owners, cut), filled, is_met }
     }
 
     /// What the edge rule makes of an edge, its spans being those found last, and what is around it.

@@ -178,6 +178,15 @@ impl IndexList {
         self.numbers.sort_unstable();
     }
 
+    /// Takes out the numbers for which something does not hold.
+    pub(crate) fn retain(&mut self, holds: impl Fn(usize) -> bool) {
+        let Self { numbers, contains } = self;
+        numbers.retain(|&number| {
+            contains[number as usize] = holds(number as usize);
+            contains[number as usize]
+        });
+    }
+
     pub(crate) fn numbers(&self) -> &[u32] {
         &self.numbers
     }

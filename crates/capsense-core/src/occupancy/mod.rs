@@ -13,6 +13,7 @@ mod depth;
 mod edges_anew;
 mod edges_near;
 mod elements;
+mod filled;
 mod fraction;
 mod index_set;
 mod interface;
@@ -45,11 +46,13 @@ use changes::Changes;
 use edges_anew::{Asked, EdgesAnew, Found, Sight};
 use edges_near::{Beside, EdgesNear};
 use elements::Elements;
+use filled::Filled;
 use glam::DVec3;
 use index_set::IndexSet;
 use near_field::Wedges;
 use scene::Scene;
 use sorted::SortedList;
+pub(crate) use unstructured::may_be_immersed;
 use unstructured::{HeldEdge, Unstructured};
 
 /// The nodes and edges that objects are to be found on.
@@ -186,6 +189,16 @@ impl Occupancy {
             _ => None,
         };
         Self { unstructured, ..self }
+    }
+
+    /// The same where weak dielectrics are to cut elements, for a mesh and its edges that [`Occupancy::with_weights`] was told of.
+    /// `edges` should be those along which elements weigh anything, as others keep to the edge rule. Nothing for a lattice.
+    #[must_use]
+    pub fn with_immersed_elements(mut self, mesh: &TetMesh, edges: &Edges) -> Self {
+        if let Some(unstructured) = &mut self.unstructured {
+            unstructured.immerse(mesh, edges);
+        }
+        self
     }
 
     /// Nothing is occupied; `interface` tells what surfaces will do. `edges` are those along which elements weigh
@@ -353,10 +366,13 @@ impl Occupancy {
 
     /// Takes over what becomes of an edge, and returns whether it had a link and has none now.
     fn take_edge(&mut self, conductor: &[u16], asked: Asked, found: Found) -> bool {
-        let (edge, Found { ends, coupling, is_met }) = (asked.edge as usize, found);
+        let (edge, Found { ends, coupling, filled, is_met }) = (asked.edge as usize, found);
         if asked.is_cut_anew {
             self.scratch.edge_seen[edge] = self.scratch.frame;
             self.scratch.is_met[edge] = is_met;
+            if let Some(unstructured) = &mut self.unstructured {
+                unstructured.fill(edge, filled);
+            }
         }
         self.take_coupling(conductor, edge, ends, coupling)
     }

@@ -41,6 +41,7 @@ impl<'a> Updater<'a> {
                     network.weights(),
                     materials.len() > 1,
                 );
+                let occupancy = occupancy.with_immersed_elements(sensor.mesh(), network.edges());
                 (network, occupancy)
             }
             Some(interface) => {

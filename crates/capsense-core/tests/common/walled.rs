@@ -117,6 +117,11 @@ impl WalledBox {
         let occupancy = Occupancy::empty(mesh.nodes().len(), network.edges().len());
         let occupancy = match rule {
             Rule::EdgesAlone | Rule::AsLayers => occupancy,
+            // As in a simulator.
+            Rule::AsSolids if bodies.iter().any(|body| matches!(body.material, Material::Dielectric(_))) => {
+                let occupancy = occupancy.with_weights(mesh, network.edges(), network.weights(), true);
+                occupancy.with_immersed_elements(mesh, network.edges())
+            }
             Rule::AsSolids => occupancy.with_weights(mesh, network.edges(), network.weights(), false),
         };
         Self::of([true; 3], mesh, network, occupancy, bodies, rule)

@@ -4,16 +4,19 @@
 //! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
 
 mod cut_element;
+mod immersed;
 mod negative;
 mod node_links;
 mod obtuse;
 
 use super::elements::edges_of;
 use super::index_set::IndexList;
-use super::{Coupling, NO_OBJECT, Occupancy, Scene};
+use super::{Coupling, Filled, NO_OBJECT, Occupancy, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh};
 use crate::workers::Workers;
+pub(crate) use immersed::may_be_immersed;
+use immersed::{ImmersedElements, OtherRules};
 use negative::NegativeWeights;
 use node_links::NodeLinks;
 use obtuse::ObtuseElements;
@@ -28,6 +31,8 @@ pub(super) struct Unstructured {
     obtuse: ObtuseElements,
     /// Negative weights that dielectrics are to scale.
     negative: Option<NegativeWeights>,
+    /// Elements that weak dielectrics cut.
+    immersed: Option<ImmersedElements>,
     /// Edges to be coupled anew in this frame.
     pending: IndexList,
 }
@@ -59,7 +64,21 @@ impl Unstructured {
             rule: vec![Coupling::PLAIN; weights.len()],
             links: NodeLinks::new(mesh, edges, weights),
             obtuse,
+            immersed: None,
             pending: IndexList::below(weights.len()),
+        }
+    }
+
+    /// Immerses elements that weak dielectrics will cut.
+    pub(super) fn immerse(&mut self, mesh: &TetMesh, edges: &Edges) {
+        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(*tet, edges)).collect();
+        self.immersed = ImmersedElements::new(mesh, &of_elements, &self.weights, &self.obtuse);
+    }
+
+    /// Takes what fills an edge that surfaces may cut another way than before.
+    pub(super) fn fill(&mut self, edge: usize, filled: Filled) {
+        if let Some(immersed) = &mut self.immersed {
+            immersed.fill(edge, filled);
         }
     }
 
@@ -75,12 +94,25 @@ impl Unstructured {
         if let Some(negative) = &mut self.negative {
             negative.take(&self.obtuse, held, &rule);
         }
+        if let Some(immersed) = &mut self.immersed {
+            immersed.look_at(edge);
+        }
+    }
+
+    /// Looks again at elements that weak dielectrics cut, as far as something changed there, and notes edges that feel it.
+    fn update_immersed(&mut self, workers: &Workers, scene: &Scene<'_>) {
+        let Self { rule, negative, immersed, pending, .. } = self;
+        if let Some(immersed) = immersed {
+            let others = OtherRules { rule, negative: negative.as_ref() };
+            immersed.update(workers, scene, others, |edge| pending.insert(edge));
+        }
     }
 
     /// By what factor the permittivity along an edge is raised, if its weight does not tell.
     pub(super) fn contrast(&self, edge: usize) -> Option<f64> {
         let is_scaled = !self.obtuse.at_edge(edge).is_empty();
-        self.negative.as_ref().filter(|_| is_scaled).map(|negative| negative.factor(edge))
+        let scaled = self.negative.as_ref().filter(|_| is_scaled).map(|negative| negative.factor(edge));
+        scaled.or_else(|| self.immersed.as_ref().map(|_| self.rule[edge].through))
     }
 
     /// What is left of an edge but for links of nodes.
@@ -91,11 +123,17 @@ impl Unstructured {
             true if is_conducting(&rule, held.owners) => rule.scaled(part),
             // There is no capacitor that a conductor could cut, and between two conductors there is nothing.
             false if rule.is_linked() || rule.meets_two(held.owners) => Coupling::only_through(0.0),
-            _ => Coupling::only_through(part),
+            _ if is_conducting(&rule, held.owners) => Coupling::only_through(part),
+            _ => Coupling::only_through(part + self.excess(held.edge)),
         }
     }
 
-    /// What multiplies the weight of an edge, which conductors then may cut.
+    /// What immersed elements add to that of an edge on which no conductor is.
+    fn excess(&self, edge: usize) -> f64 {
+        self.immersed.as_ref().map_or(0.0, |immersed| immersed.excess(edge) / self.weights[edge])
+    }
+
+    /// What multiplies the weight of an edge, which conductors then may cut, if no element is immersed.
     fn part(&self, held: HeldEdge) -> f64 {
         let rule = &self.rule[held.edge];
         match &self.negative {
@@ -126,6 +164,7 @@ impl Occupancy {
             negative.update_elements(obtuse, |edge| pending.insert(edge));
         }
         unstructured.update_links(workers, scene, around_edges, &self.conductor);
+        unstructured.update_immersed(workers, scene);
         let mut links_lost = false;
         for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;

@@ -297,7 +297,7 @@ impl Unstructured {
             let (rule, left) = (self.rule[edge], self.without_links(held));
             let (object, factor, now) = match (rule.object[end], held.owners[1 - end]) {
                 (NO_OBJECT, NO_OBJECT) => {
-                    ending.is_mixed |= left.through != 1.0;
+                    ending.is_mixed |= self.part(held) != 1.0;
                     return;
                 }
                 (NO_OBJECT, owner) => (owner, rule.through, left.through),
