@@ -13,10 +13,11 @@ use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::{Connection, Material};
 use capsense_core::measurement::{ChannelModel, Crosstalk, Measurement, MeasurementModel};
 use capsense_core::occupancy::{DepthLayers, Surfaces};
+use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
 use capsense_core::solver::{Preconditioner, SolverOptions};
-use common::{bar, conductor, depth_of_boxes, dielectric, stripes_sensor};
+use common::{bar, conductor, depth_of_boxes, dielectric, stripes_sensor, with_moved_nodes};
 use std::sync::atomic::Ordering;
 
 /// Converters with all kinds of errors: a reading allocates nothing.
@@ -55,12 +56,13 @@ const WAYS: usize = 5;
 
 /// Goes the way several times and counts the allocations of updates, and those of solves, on the last.
 fn allocations<S: Surfaces>(
+    sensor: Sensor,
     preconditioner: Preconditioner,
     materials: &[Material],
     mut surfaces: impl FnMut(usize) -> S,
 ) -> [usize; 2] {
     let options = SolverOptions { preconditioner, threads: Some(1), ..SolverOptions::default() };
-    let mut simulator = Simulator::new(stripes_sensor(10_000), materials.to_vec(), options).unwrap();
+    let mut simulator = Simulator::new(sensor, materials.to_vec(), options).unwrap();
     let mut counts = [0; 2];
     for frame in 0..WAYS * FRAMES {
         let surfaces = surfaces(frame);
@@ -95,12 +97,14 @@ fn frames_allocate_nothing() {
         solids.place(&[Pose::at(at(0.0, 0.05)), turned, Pose::at(at(0.0, 0.2 + shift(frame)))]).unwrap();
         solids.clone()
     };
-    let by_camera = allocations(Preconditioner::Multigrid, &[grounded, dielectric(4.0)], camera);
-    let by_solids = allocations(
-        Preconditioner::Multigrid,
-        &[grounded, dielectric(4.0), conductor(Connection::Floating)],
-        &mut of_solids,
-    );
+    let lattice = || stripes_sensor(10_000);
+    let by_camera = allocations(lattice(), Preconditioner::Multigrid, &[grounded, dielectric(4.0)], camera);
+    let materials = [grounded, dielectric(4.0), conductor(Connection::Floating)];
+    let by_solids = allocations(lattice(), Preconditioner::Multigrid, &materials, &mut of_solids);
+    // Off the lattice, where elements are immersed.
+    let moved = with_moved_nodes(&lattice());
+    let [update, _] = allocations(moved, Preconditioner::Multigrid, &materials, &mut of_solids);
+    assert_eq!(update, 0, "updates off the lattice");
     // Small enough for the Green's function: what is dense is solved in the update.
     let small = |frame: usize| {
         let at = |x: f64, z: f64| {
@@ -109,7 +113,7 @@ fn frames_allocate_nothing() {
         };
         depth_of_boxes([64, 64], &[at(-0.05, 0.05), at(0.05, 0.1)])
     };
-    let exact = allocations(Preconditioner::Direct, &[grounded, dielectric(4.0)], small);
+    let exact = allocations(lattice(), Preconditioner::Direct, &[grounded, dielectric(4.0)], small);
     eprintln!(
         "updates and solves in {FRAMES} frames: {by_camera:?} by camera, {by_solids:?} by solids, {exact:?} exact"
     );

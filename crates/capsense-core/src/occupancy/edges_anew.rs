@@ -229,6 +229,12 @@ mod tests {
         let of_lattice = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
         share_without_a_trace(&mesh, &of_lattice);
         share_without_a_trace(&mesh, &EdgeNetwork::assemble(&mesh));
+        // Weak dielectrics cut elements.
+        let moved =
+            |(k, p): (usize, &DVec3)| *p + 3e-3 * DVec3::new((k % 3) as f64, (k % 5) as f64, (k % 2) as f64);
+        let nodes: Vec<DVec3> = mesh.nodes().iter().enumerate().map(moved).collect();
+        let mesh = TetMesh::new(nodes, mesh.tets().to_vec()).unwrap();
+        share_without_a_trace(&mesh, &EdgeNetwork::assemble(&mesh));
     }
 
     fn share_without_a_trace(mesh: &TetMesh, network: &EdgeNetwork) {
@@ -251,12 +257,9 @@ mod tests {
         let team = Workers::new(3, 1_000_000);
         let _awake = team.wake_all();
         let fresh = || {
-            Occupancy::empty(mesh.nodes().len(), edges.len()).with_weights(
-                mesh,
-                edges,
-                network.weights(),
-                true,
-            )
+            Occupancy::empty(mesh.nodes().len(), edges.len())
+                .with_weights(mesh, edges, network.weights(), true)
+                .with_immersed_elements(mesh, edges)
         };
         let (mut alone, mut shared) = (fresh(), fresh());
         for frame in 0..4 {
