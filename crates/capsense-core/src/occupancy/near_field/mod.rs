@@ -14,7 +14,7 @@
 //!
 //! In front of round conductors, spheres and capsules, u is what falls as surfaces at a distance grow ([`round`]).
 //!
-//! Two cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
+//! [`FAR`] cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
 mod angles;
 mod at_pose;

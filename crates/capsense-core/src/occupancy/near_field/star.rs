@@ -8,10 +8,11 @@ use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 use std::ops::Range;
 
-/// So many cells from an edge of a conductor, nothing is known of it.
-pub(in super::super) const FAR: f64 = 2.0;
+/// So many cells from an edge of a conductor, nothing is known of it. With two cells errors are the same, and an update of exact solids
+/// takes longer by a sixth; with one and a half, steps of a bar sideways differ by up to 0.10 of themselves, not 0.09.
+pub(in super::super) const FAR: f64 = 1.6;
 /// Planes of nodes on either side of an edge that may be nearer.
-const PLANES: usize = FAR as usize;
+const PLANES: usize = 2;
 
 /// A plane of nodes across an axis.
 #[derive(Clone, Copy, Debug)]
@@ -350,6 +351,6 @@ mod tests {
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
         let cells = places.map(|(index, coordinate)| Plane::of(&planes, index, 1).cells_to(coordinate));
-        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, 2.0]);
+        assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, FAR]);
     }
 }

@@ -8,7 +8,7 @@
 
 // Up to so many cells from an edge, the field is that of a wedge alone; so many cells away, nothing is known of it.
 const NEAR: f32 = 1.0;
-const FAR: f32 = 2.0;
+const FAR: f32 = 1.6;
 // The axis along which each node's own edge carries its link.
 const CARRIER: u32 = 0u;
 const STRAIGHT: f32 = 3e38;
