@@ -37,7 +37,7 @@ pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::Cells;
 use share::{Extent, part_at, share_of, smooth};
-pub(super) use star::{FAR, grown};
+pub(super) use star::{FAR, PLANES, grown};
 
 use super::coupling::Coupling;
 use super::index_set::IndexSet;
@@ -57,7 +57,7 @@ use star::{Stars, StarsInRow};
 use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
-const NEAR: f64 = 1.0;
+pub(super) const NEAR: f64 = 1.0;
 
 /// The axis along which each node's own edge carries its link.
 const CARRIER: usize = 0;

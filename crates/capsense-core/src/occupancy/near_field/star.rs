@@ -8,11 +8,11 @@ use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 use std::ops::Range;
 
-/// So many cells from an edge of a conductor, nothing is known of it. With two cells errors are the same, and an update of exact solids
-/// takes longer by a sixth; with one and a half, steps of a bar sideways differ by up to 0.10 of themselves, not 0.09.
+/// So many cells from an edge of a conductor, nothing is known of it. With two cells errors are the same, and a frame of exact solids
+/// takes longer by a ninth; with one and a half, steps of a bar sideways differ by up to 0.10 of themselves, not 0.09.
 pub(in super::super) const FAR: f64 = 1.6;
-/// Planes of nodes on either side of an edge that may be nearer.
-const PLANES: usize = 2;
+/// Planes of nodes on either side of an edge that may be nearer, and so many cells where there are none.
+pub(in super::super) const PLANES: usize = 2;
 
 /// A plane of nodes across an axis.
 #[derive(Clone, Copy, Debug)]
@@ -328,7 +328,7 @@ pub(in super::super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
     let lattice = match edges {
         Edges::Lattice(lattice) => lattice,
         Edges::List(list) => {
-            let reach = FAR * list.longest();
+            let reach = PLANES as f64 * list.longest();
             return Aabb { min: region.min - reach, max: region.max + reach };
         }
     };

@@ -5,7 +5,9 @@
 //! of the permittivity in the body to that beside it κ = (1/r - 1) ∂l/∂n. Values at the corners are given. With g = n·∇ of their linear
 //! interpolant, and w the gradient of the linear interpolant of min(d, 0), this is
 //!
-//!     κ = (1/r - 1) g/(1 + (1/r - 1) n·w).
+//! ```text
+//! κ = (1/r - 1) g/(1 + (1/r - 1) n·w).
+//! ```
 //!
 //! The energy is that of both gradients with the volumes of both parts, exactly. It is a sum of squares for any κ, so the form is
 //! positive semidefinite whatever the element, and constants have none, so it is six edge weights.
