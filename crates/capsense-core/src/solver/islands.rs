@@ -22,8 +22,10 @@ const NESTED: f64 = 100.0;
 const STRONGEST: f64 = 1e14;
 
 /// The islands of one frame.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Islands {
+    /// From which contrast on edges hold a body together that gets a direction.
+    least_contrast: f64,
     islands: Vec<Island>,
     /// Edges that hold islands together, and whether each edge of the mesh is one.
     strong: Vec<u32>,
@@ -53,25 +55,39 @@ pub(super) struct Island {
 const SAME: f64 = 1e-6;
 
 impl Islands {
+    /// None yet, of bodies of at least a contrast.
+    pub(super) fn from_contrast(least_contrast: f64) -> Self {
+        Self {
+            least_contrast,
+            islands: Vec::new(),
+            strong: Vec::new(),
+            is_strong: Vec::new(),
+            members: Vec::new(),
+            is_member: Vec::new(),
+            parent: Vec::new(),
+            along: Vec::new(),
+            of_columns: Vec::new(),
+        }
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.islands.is_empty()
     }
 
-    /// Finds the connected sets of free nodes that edges of at least some contrast hold together, always the same.
-    /// `changed` holds the nodes whose row or state changed since the last time.
+    /// Finds the connected sets of free nodes that strong edges hold together. `changed` holds the nodes whose row or
+    /// state changed since the last time.
     pub(super) fn find(
         &mut self,
         matrix: &StiffnessMatrix,
         occupancy: &Occupancy,
         fixed: &[bool],
         changed: &[u32],
-        least: f64,
     ) {
-        self.find_strong_edges(matrix, occupancy, fixed, changed, least);
+        self.find_strong_edges(matrix, occupancy, fixed, changed);
         self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
         self.is_member.resize(matrix.nodes(), false);
         self.islands.clear();
-        let mut contrast = least;
+        let mut contrast = self.least_contrast;
         while contrast < STRONGEST && self.join(matrix, occupancy, contrast) {
             self.collect(matrix, occupancy);
             contrast *= NESTED;
@@ -113,7 +129,6 @@ impl Islands {
         occupancy: &Occupancy,
         fixed: &[bool],
         changed: &[u32],
-        least: f64,
     ) {
         let Self { strong, is_strong, .. } = self;
         let edges = matrix.network().edges();
@@ -122,7 +137,7 @@ impl Islands {
         for &node in changed {
             edges.for_edges_at(node as usize, |edge, _| {
                 let is_strong_now =
-                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= least;
+                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= self.least_contrast;
                 if is_strong_now && !is_strong[edge] {
                     strong.push(edge as u32);
                 }

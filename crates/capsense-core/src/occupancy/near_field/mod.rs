@@ -14,7 +14,7 @@
 //!
 //! In front of round conductors, spheres and capsules, u is what falls as surfaces at a distance grow ([`round`]).
 //!
-//! [`FAR`] cells from an edge, at its ends, and a cell from any other object, the edge rule takes over, in shares.
+//! So many cells from an edge that nothing is known of it ([`Cells::far`]), at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
 mod angles;
 mod at_pose;
@@ -37,7 +37,7 @@ pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::Cells;
 use share::{Extent, part_at, share_of, smooth};
-pub(super) use star::{FAR, PLANES, grown};
+pub(super) use star::{FAR_OFF_LATTICE, grown};
 
 use super::coupling::Coupling;
 use super::index_set::IndexSet;
@@ -52,12 +52,12 @@ use link::{LinkBatch, Unlinked};
 use look::Look;
 use row::{FindNearest, NearestEdges};
 pub(super) use row::{larger, smaller};
+use star::{FAR, Stars, StarsInRow};
 pub(super) use star::{Row, Star};
-use star::{Stars, StarsInRow};
 use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
-pub(super) const NEAR: f64 = 1.0;
+const NEAR: f64 = 1.0;
 
 /// The axis along which each node's own edge carries its link.
 const CARRIER: usize = 0;
@@ -424,13 +424,13 @@ impl Scene<'_> {
         let mut share = 1.0_f64;
         for (object, bounds) in self.bounds.iter().enumerate() {
             let away = if is_alone { 0.0 } else { cells.cells_to(point.clamp(bounds.min, bounds.max)) };
-            if away >= FAR {
+            if away >= cells.far() {
                 continue;
             }
             let near = (found.is_none() && self.is_conductor(object)).then(|| near(object));
             match near.flatten() {
                 Some(own) if own > 0.0 => (found, share) = (Some(object), share.min(own)),
-                _ => share = share.min(((away - NEAR) / (FAR - NEAR)).max(0.0)),
+                _ => share = share.min(((away - NEAR) / (cells.far() - NEAR)).max(0.0)),
             }
         }
         found.filter(|_| share > 0.0).map(|object| (object, share))

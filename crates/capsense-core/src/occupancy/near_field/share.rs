@@ -1,6 +1,6 @@
 //! How much of a node's links is what the field of a conductor makes of them: distances in cells, and extents.
 
-use super::{FAR, NEAR, RightAngle, RoundNear};
+use super::{NEAR, RightAngle, RoundNear};
 use glam::DVec3;
 
 /// By how much thicker than edges of a mesh a conductor must be, so that what is behind it does not matter before it. With nothing to
@@ -46,7 +46,10 @@ pub(super) fn is_thicker(normals: &[DVec3; 2], thickness: &[f64; 2], lengths: DV
 
 /// Distances from a node, counted in cells of the mesh around it.
 pub(in super::super) trait Cells {
-    /// Cells to a point, parts of them counted; [`FAR`] stands for all that is farther.
+    /// So many cells from an edge of a conductor, nothing is known of it.
+    fn far(&self) -> f64;
+
+    /// Cells to a point, parts of them counted; [`Cells::far`] stands for all that is farther.
     fn cells_to(&self, point: DVec3) -> f64;
 
     /// Whether it is soon seen that a point is no more than [`NEAR`] cells away.
@@ -54,7 +57,7 @@ pub(in super::super) trait Cells {
         false
     }
 
-    /// How far along each axis a point less than [`FAR`] cells away may be, in metres.
+    /// How far along each axis a point less than [`Cells::far`] cells away may be, in metres.
     fn reach(&self) -> DVec3;
 
     /// The size of a cell in a direction, in metres.
@@ -76,13 +79,14 @@ pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     part * from_ends * is_straight
 }
 
-/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing from [`FAR`] on.
+/// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing
+/// from [`Cells::far`] on.
 #[inline(always)]
 pub(super) fn part_at(cells: &impl Cells, place: DVec3) -> f64 {
     if cells.is_next(place) {
         return 1.0;
     }
-    smooth(((FAR - cells.cells_to(place)) / (FAR - NEAR)).min(1.0))
+    smooth(((cells.far() - cells.cells_to(place)) / (cells.far() - NEAR)).min(1.0))
 }
 
 /// From zero to one without kinks.

@@ -8,11 +8,14 @@ use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
 use std::ops::Range;
 
-/// So many cells from an edge of a conductor, nothing is known of it. With two cells errors are the same, and a frame of exact solids
-/// takes longer by a ninth; with one and a half, steps of a bar sideways differ by up to 0.10 of themselves, not 0.09.
-pub(in super::super) const FAR: f64 = 1.6;
-/// Planes of nodes on either side of an edge that may be nearer, and so many cells where there are none.
-pub(in super::super) const PLANES: usize = 2;
+/// So many cells from an edge of a conductor, nothing is known of it. With two cells a frame of exact solids takes longer by a ninth, and
+/// errors are as large; with one and a half, steps of a bar sideways differ by up to 0.10 of themselves, not 0.09 (`docs/interface.md`).
+pub(super) const FAR: f64 = 1.6;
+/// Planes of nodes on either side of an edge that may be nearer.
+const PLANES: usize = 2;
+/// The same as [`FAR`] off the lattice, where a cell is no more than a mean of edges of all lengths. With 1.6 a mesh that has dihedral angles of
+/// 1e-6 degrees was solved with an error that was not told.
+pub(in super::super) const FAR_OFF_LATTICE: f64 = 2.0;
 
 /// A plane of nodes across an axis.
 #[derive(Clone, Copy, Debug)]
@@ -297,6 +300,11 @@ impl Star<'_> {
 
 impl Cells for Star<'_> {
     /// Along the axis where there are most.
+    #[inline(always)]
+    fn far(&self) -> f64 {
+        FAR
+    }
+
     #[inline]
     fn cells_to(&self, point: DVec3) -> f64 {
         let [x, y, z] = self.planes;
@@ -322,13 +330,13 @@ impl Cells for Star<'_> {
     }
 }
 
-/// A region with all that is less than [`FAR`] cells away, none of which is larger than edges are long.
+/// A region with all that is less than [`Cells::far`] cells away, none of which is larger than edges are long.
 pub(in super::super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
     let mut grown = *region;
     let lattice = match edges {
         Edges::Lattice(lattice) => lattice,
         Edges::List(list) => {
-            let reach = PLANES as f64 * list.longest();
+            let reach = FAR_OFF_LATTICE * list.longest();
             return Aabb { min: region.min - reach, max: region.max + reach };
         }
     };

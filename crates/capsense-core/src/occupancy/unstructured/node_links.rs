@@ -13,9 +13,7 @@
 
 use super::super::coupling::{Coupling, SMALLEST_PART};
 use super::super::index_set::IndexList;
-use super::super::near_field::{
-    Cells, FAR, NEAR, Near, PLANES, POINTS, Places, RightAngle, RoundNear, grown,
-};
+use super::super::near_field::{Cells, FAR_OFF_LATTICE, Near, POINTS, Places, RightAngle, RoundNear, grown};
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
 use super::{HeldEdge, Unstructured};
@@ -44,10 +42,6 @@ impl NodeLink {
     const NONE: Self = Self { object: NO_OBJECT, weight: 0.0 };
 }
 
-/// So many cells around a node, not [`FAR`], the field of a conductor may reach: edges are of all lengths here, and some are twice as long as
-/// others. With [`FAR`], a mesh with dihedral angles of 1e-6 degrees was solved with an error that was not told.
-const REACH: f64 = PLANES as f64;
-
 /// Cells of the same size in all directions.
 struct CellsAround {
     node: DVec3,
@@ -55,14 +49,16 @@ struct CellsAround {
 }
 
 impl Cells for CellsAround {
+    fn far(&self) -> f64 {
+        FAR_OFF_LATTICE
+    }
+
     fn cells_to(&self, point: DVec3) -> f64 {
-        let cells = (self.node.distance(point) / self.size).min(REACH);
-        // What is beyond the nearest one counts for less, so that all that is in reach is less than FAR cells away.
-        if cells <= NEAR { cells } else { NEAR + (cells - NEAR) * ((FAR - NEAR) / (REACH - NEAR)) }
+        (self.node.distance(point) / self.size).min(FAR_OFF_LATTICE)
     }
 
     fn reach(&self) -> DVec3 {
-        DVec3::splat(REACH * self.size)
+        DVec3::splat(FAR_OFF_LATTICE * self.size)
     }
 
     fn size_along(&self, _: DVec3) -> f64 {
@@ -170,7 +166,8 @@ impl NodeLinks {
         let all = Aabb::around(regions.iter().flat_map(|region| [region.min, region.max]));
         scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &grown(scene.mesh.edges, &all), |node| {
             let (point, cells) = (scene.mesh.nodes[node], self.cells_at(scene, node));
-            let is_near = |region: &Aabb| cells.cells_to(point.clamp(region.min, region.max)) < FAR;
+            let is_near =
+                |region: &Aabb| cells.cells_to(point.clamp(region.min, region.max)) < FAR_OFF_LATTICE;
             if is_near(&all) && regions.iter().any(is_near) {
                 self.pending.insert(node);
             }

@@ -175,10 +175,7 @@ impl CsrSolver {
         fixed: &[bool],
         changed: &[u32],
     ) {
-        for_width!(self, of => {
-            let least = of.inverse.contrast_of_islands();
-            of.islands.find(matrix, occupancy, fixed, changed, least);
-        });
+        for_width!(self, of => of.islands.find(matrix, occupancy, fixed, changed));
     }
 }
 
@@ -240,13 +237,14 @@ impl<const L: usize> Solver<L> {
         let groups = columns.div_ceil(L);
         let objects = rows - nodes;
         let rows = Rows::new(matrix);
+        let inverse = Inverse::new(preconditioner, &rows, groups);
         Self {
             columns,
             groups: vec![Columns::new(nodes, objects); groups],
             increments: vec![Increment::new(nodes); groups],
-            inverse: Inverse::new(preconditioner, &rows, groups),
+            islands: Islands::from_contrast(inverse.contrast_of_islands()),
+            inverse,
             rows,
-            islands: Islands::default(),
             workers,
             state: State::new(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],

@@ -349,13 +349,13 @@ fn an_island_is_corrected_by_its_own_stiffness() {
 #[test]
 fn islands_in_islands_are_solved_for_exactly() {
     let mut scene = Scene::new(5_000);
-    let mut islands = Islands::default();
+    let mut islands = Islands::from_contrast(CONTRAST);
     let mut height = 0.02;
     while islands.islands().len() < 2 {
         height += 1e-4;
         assert!(height < 0.06);
         scene.move_object(height, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
-        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes(), CONTRAST);
+        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
     }
     let mut expected = vec![0.0; scene.matrix.nodes()];
     for (island, height) in islands.islands().iter().zip([1.0, -0.3, 2.0]) {
@@ -513,8 +513,7 @@ fn levels_stand_in_for_islands_of_weak_bodies() {
         let mut solver = scene.solver_of_four(2, preconditioner, 1);
         scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(permittivity).unwrap()));
         let (fixed, all) = (scene.fixed(), scene.all_nodes());
-        let least = solver.inverse.contrast_of_islands();
-        solver.islands.find(&scene.matrix, &scene.occupancy, &fixed, &all, least);
+        solver.islands.find(&scene.matrix, &scene.occupancy, &fixed, &all);
         !solver.islands.is_empty()
     };
     assert!(!found(Preconditioner::Multigrid, 80.0) && found(Preconditioner::Jacobi, 80.0));
@@ -554,13 +553,13 @@ fn an_indefinite_matrix_shows() {
 fn islands_found_where_something_changed_are_those_found_at_once() {
     let body = Material::Dielectric(RelativePermittivity::new(50.0).unwrap());
     let mut scene = Scene::new(5_000);
-    let mut moving = Islands::default();
+    let mut moving = Islands::from_contrast(CONTRAST);
     for height in [0.03, 0.035, 0.06, 0.01, 0.058, 0.2, 0.03] {
         scene.move_object(height, body);
         let fixed = scene.fixed();
-        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows(), CONTRAST);
-        let mut fresh = Islands::default();
-        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes(), CONTRAST);
+        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows());
+        let mut fresh = Islands::from_contrast(CONTRAST);
+        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes());
         assert_eq!(moving.islands(), fresh.islands(), "{height}");
         let seen = !scene.occupancy.changed_edges().is_empty();
         assert_eq!(fresh.islands().len(), usize::from(height < 0.1 && seen), "{height}");

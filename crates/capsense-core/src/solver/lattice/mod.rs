@@ -129,7 +129,7 @@ impl LatticeSolver {
             increment: Increment::new(&layout),
             hierarchy,
             networks_are_lost: false,
-            islands: Islands::default(),
+            islands: Islands::from_contrast(CONTRAST),
             active: Vec::with_capacity(columns),
             gains: vec![0.0; columns * columns],
             finest_gains: vec![0.0; columns * columns],
@@ -235,7 +235,7 @@ impl LatticeSolver {
         fixed: &[bool],
         changed: &[u32],
     ) {
-        self.islands.find(matrix, occupancy, fixed, changed, CONTRAST);
+        self.islands.find(matrix, occupancy, fixed, changed);
     }
 
     /// Gives back the room that the first refresh took, in which every row changed.
