@@ -169,6 +169,7 @@ impl Simulator {
         if self.fields.found().is_some() {
             return Err(SimulatorError::NotForDevice("it finds the objects by itself"));
         }
+        let _awake = self.fields.wake();
         self.find(surfaces)?;
         self.fields.bracket(
             &self.matrix,
