@@ -2,8 +2,11 @@
 
 use super::camera_wall::CameraWalls;
 use super::coupling::{Coupling, EdgeRule};
+use super::index_set::IndexSet;
 use super::near_field::{Row, Wedges};
 use super::scene::Scene;
+use super::taken::{Known, Taken};
+use super::unstructured::{HeldEdge, Unstructured};
 use super::{Contact, Filled, NO_OBJECT, Span};
 use crate::instructions::vectorised;
 use crate::workers::Workers;
@@ -24,20 +27,20 @@ pub(super) struct EdgesAnew {
 
 /// An edge, and whether surfaces may cut it another way than before; otherwise only what is around it is another.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Asked {
-    pub(super) edge: u32,
-    pub(super) is_cut_anew: bool,
+struct Asked {
+    edge: u32,
+    is_cut_anew: bool,
 }
 
 /// What becomes of an edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
-    pub(super) ends: [u32; 2],
-    pub(super) coupling: Coupling,
+struct Found {
+    ends: [u32; 2],
+    coupling: Coupling,
     /// Which dielectric is on the edge, if it is cut anew.
-    pub(super) filled: Filled,
+    filled: Filled,
     /// Whether an object meets the edge, or more than what is on it tells what it is without what is around it.
-    pub(super) is_met: bool,
+    is_met: bool,
 }
 
 impl Found {
@@ -58,6 +61,7 @@ pub(super) struct Sight<'a> {
 /// Storage for one task.
 #[derive(Clone, Debug, Default)]
 struct Room {
+    taken: Taken,
     /// Objects that the edge at hand passes through.
     spans: Vec<(u16, Span)>,
     /// The same for lines parallel to it.
@@ -76,24 +80,80 @@ impl EdgesAnew {
         self.asked.clear();
     }
 
-    /// What becomes of an edge of which [`Sight::link_alone`] does not tell, if a single thread does it all; else the edge is
-    /// kept for [`EdgesAnew::find`].
-    #[inline]
-    pub(super) fn ask(&mut self, sight: Sight<'_>, asked: Asked) -> Option<Found> {
-        if let [room] = &mut self.rooms[..] {
-            return Some(room.look(sight, asked));
-        }
-        self.asked.push(asked);
-        None
+    /// Has threads find out what becomes of the edges of a lattice in two sets, which are left empty, and take that over. Those
+    /// only in the second are cut as before, if an object meets them not, unless `looks_at_all`.
+    pub(super) fn take_all(
+        &mut self,
+        workers: &Workers,
+        sight: Sight<'_>,
+        [marked, around]: [&mut IndexSet; 2],
+        mut known: Known<'_>,
+        (frame, looks_at_all): (u8, bool),
+    ) {
+        let parts = marked.cut_with(around, self.rooms.len());
+        let tasks =
+            parts.zip(&mut self.rooms).map(move |(part, room)| (known.split_to(part.end()), part, room));
+        workers.for_each(tasks, |(mut known, part, room)| {
+            let mut taken = std::mem::take(&mut room.taken);
+            part.drain(|edge, is_marked| {
+                let is_cut_anew = is_marked || looks_at_all || known.is_met(edge);
+                if !is_cut_anew && let Some((ends, coupling)) = sight.link_alone(edge) {
+                    return known.couple(edge, ends, coupling, &mut taken);
+                }
+                let Found { ends, coupling, is_met, .. } =
+                    room.look(sight, Asked { edge: edge as u32, is_cut_anew });
+                if is_cut_anew {
+                    known.see(edge, frame, is_met);
+                }
+                known.couple(edge, ends, coupling, &mut taken);
+            });
+            room.taken = taken;
+        });
     }
 
-    /// Whether there is no room for more.
-    pub(super) fn is_full(&self) -> bool {
-        self.asked.len() >= EDGES_OF_A_TASK * self.rooms.len()
+    /// What was taken over, to be emptied, in the order of the edges.
+    pub(super) fn taken(&mut self) -> impl Iterator<Item = &mut Taken> {
+        self.rooms.iter_mut().map(|room| &mut room.taken)
+    }
+
+    /// The same of a mesh where more than an edge tells what becomes of it, which is told what the edge rule makes of each.
+    pub(super) fn tell_all(
+        &mut self,
+        workers: &Workers,
+        sight: Sight<'_>,
+        [marked, around]: [&mut IndexSet; 2],
+        mut known: Known<'_>,
+        (frame, looks_at_all): (u8, bool),
+        unstructured: &mut Unstructured,
+    ) {
+        let mut tell = |known: &mut Known<'_>, (asked, found): (Asked, Found)| {
+            let (edge, Found { ends, coupling, filled, is_met }) = (asked.edge as usize, found);
+            if asked.is_cut_anew {
+                known.see(edge, frame, is_met);
+                unstructured.fill(edge, filled);
+            }
+            let held = HeldEdge::of(edge, ends, sight.conductor);
+            unstructured.take(held, ends, known.is_moved(ends), coupling);
+        };
+        marked.drain_with(around, |edge, is_marked| {
+            let is_cut_anew = is_marked || looks_at_all || known.is_met(edge);
+            let asked = Asked { edge: edge as u32, is_cut_anew };
+            // A single thread takes each edge over as it comes.
+            if let [room] = &mut self.rooms[..] {
+                return tell(&mut known, (asked, room.look(sight, asked)));
+            }
+            self.asked.push(asked);
+            if self.asked.len() >= EDGES_OF_A_TASK * self.rooms.len() {
+                self.find(workers, sight);
+                self.told().for_each(|told| tell(&mut known, told));
+            }
+        });
+        self.find(workers, sight);
+        self.told().for_each(|told| tell(&mut known, told));
     }
 
     /// Finds out what becomes of all edges that are kept.
-    pub(super) fn find(&mut self, workers: &Workers, sight: Sight<'_>) {
+    fn find(&mut self, workers: &Workers, sight: Sight<'_>) {
         self.found.resize(self.asked.len(), Found::NOTHING);
         let edges = self.asked.chunks(EDGES_OF_A_TASK).zip(self.found.chunks_mut(EDGES_OF_A_TASK));
         workers.for_each(edges.zip(&mut self.rooms), |((asked, found), room)| {
@@ -102,7 +162,7 @@ impl EdgesAnew {
     }
 
     /// The edges that were kept with what becomes of them, each told once.
-    pub(super) fn take(&mut self) -> impl Iterator<Item = (Asked, Found)> {
+    fn told(&mut self) -> impl Iterator<Item = (Asked, Found)> {
         self.asked.drain(..).zip(self.found.iter().copied())
     }
 
@@ -115,7 +175,7 @@ impl EdgesAnew {
 impl Sight<'_> {
     /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries.
     #[inline]
-    pub(super) fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {
+    fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {
         let ends = self.scene.mesh.edges.ends_of_existing(edge);
         self.wedges.link_alone(edge, ends).map(|coupling| (ends, coupling))
     }

@@ -126,13 +126,64 @@ impl IndexSet {
     /// is in this one, and leaves both empty.
     #[inline]
     pub(super) fn drain_with(&mut self, other: &mut Self, mut visit: impl FnMut(usize, bool)) {
+        self.cut_with(other, 1).for_each(|part| part.drain(&mut visit));
+    }
+
+    /// Cuts this set and another below the same bound into so many parts at most, of about as many numbers each. Both are empty
+    /// once all parts are drained.
+    pub(super) fn cut_with<'a>(
+        &'a mut self,
+        other: &'a mut Self,
+        parts: usize,
+    ) -> impl Iterator<Item = PairPart<'a>> + Send {
         if !other.used.is_empty() {
             self.use_words(other.used.start, other.used.end - 1);
             other.used = NO_WORDS;
         }
-        for word in std::mem::replace(&mut self.used, NO_WORDS) {
-            let own = std::mem::take(&mut self.words[word]);
-            let all = own | std::mem::take(&mut other.words[word]);
+        let used = std::mem::replace(&mut self.used, NO_WORDS);
+        let mut first = used.start;
+        // Of no words there is no range to cut.
+        let used = if used.is_empty() { 0..0 } else { used };
+        let (mut own, mut others) = (&mut self.words[used.clone()], &mut other.words[used]);
+        let count = |own: &u64, other: &u64| (own | other).count_ones() as usize;
+        let all: usize = if parts > 1 { own.iter().zip(&*others).map(|(a, b)| count(a, b)).sum() } else { 0 };
+        let of_part = all.div_ceil(parts.max(1));
+        std::iter::from_fn(move || {
+            let mut numbers = 0;
+            let is_last = |(a, b): (&u64, &u64)| {
+                numbers += count(a, b);
+                numbers >= of_part
+            };
+            let last = if parts > 1 { own.iter().zip(&*others).position(is_last) } else { None };
+            let words = last.map_or(own.len(), |last| last + 1);
+            let start = first;
+            first += words;
+            let (own, other) = (own.split_off_mut(..words)?, others.split_off_mut(..words)?);
+            (words > 0).then_some(PairPart { first: start, own, other })
+        })
+    }
+}
+
+/// A part of two sets.
+pub(super) struct PairPart<'a> {
+    /// Number of the first word.
+    first: usize,
+    own: &'a mut [u64],
+    other: &'a mut [u64],
+}
+
+impl PairPart<'_> {
+    /// One more than the last number that it can have.
+    pub(super) fn end(&self) -> usize {
+        (self.first + self.own.len()) * BITS
+    }
+
+    /// Visits all numbers in increasing order, each once, tells whether it is in the first of the sets, and leaves both empty.
+    #[inline]
+    pub(super) fn drain(self, mut visit: impl FnMut(usize, bool)) {
+        for (word, (own, other)) in (self.first..).zip(self.own.iter_mut().zip(self.other)) {
+            let own = std::mem::take(own);
+            let all = own | std::mem::take(other);
             for_bits(all, |bit| visit(word * BITS + bit, own >> bit & 1 != 0));
         }
     }
@@ -218,6 +269,23 @@ mod tests {
         set.drain_with(&mut other, |number, is_own| numbers.push((number, is_own)));
         assert_eq!(numbers, [(3, true), (5, false), (64, false), (200, true)]);
         assert_eq!([drained(&mut set), drained(&mut other)], [[], []]);
+        for parts in 1..6 {
+            [3, 64, 130, 131].into_iter().for_each(|number| set.insert(number));
+            [3, 65, 131, 290].into_iter().for_each(|number| other.insert(number));
+            let (mut numbers, mut count, mut from) = (Vec::new(), 0, 0);
+            for part in set.cut_with(&mut other, parts) {
+                let end = part.end();
+                part.drain(|number, _| {
+                    assert!((from..end).contains(&number), "{number} in {from}..{end}");
+                    numbers.push(number);
+                });
+                (count, from) = (count + 1, end);
+            }
+            assert_eq!(numbers, [3, 64, 65, 130, 131, 290]);
+            assert!(count <= parts && (parts == 1 || count > 1), "{count} of {parts}");
+            assert_eq!([drained(&mut set), drained(&mut other)], [[], []]);
+        }
+        assert!(set.cut_with(&mut other, 3).next().is_none());
         [64, 130].into_iter().for_each(|number| set.insert(number));
         [65, 250].into_iter().for_each(|number| other.insert(number));
         set.unite(&mut other);

@@ -24,6 +24,7 @@ mod scene;
 mod silhouette;
 mod sorted;
 mod surfaces;
+mod taken;
 mod unresolved;
 mod unstructured;
 
@@ -43,7 +44,7 @@ use crate::sensor::Terminal;
 use crate::workers::Workers;
 use camera_wall::CameraWalls;
 use changes::Changes;
-use edges_anew::{Asked, EdgesAnew, Found, Sight};
+use edges_anew::{EdgesAnew, Sight};
 use edges_near::{Beside, EdgesNear};
 use elements::Elements;
 use filled::Filled;
@@ -52,8 +53,9 @@ use index_set::IndexSet;
 use near_field::Wedges;
 use scene::Scene;
 use sorted::SortedList;
+use taken::{Known, Taken};
 pub(crate) use unstructured::may_be_immersed;
-use unstructured::{HeldEdge, Unstructured};
+use unstructured::Unstructured;
 
 /// The nodes and edges that objects are to be found on.
 #[derive(Clone, Copy, Debug)]
@@ -90,8 +92,8 @@ pub struct Occupancy {
     couplings: Vec<Coupling>,
     linked_edges: SortedList<u32>,
     changed_edges: Vec<u32>,
-    /// Edges and couplings before that changed, in the same order.
-    replaced: Vec<(u32, Coupling)>,
+    /// Of the edges that changed, in the same order.
+    taken: Taken,
     changed_nodes: Vec<u32>,
     touches: SortedList<Touch>,
     contacts: Vec<Contact>,
@@ -157,7 +159,7 @@ impl Occupancy {
             couplings: vec![Coupling::PLAIN; edges],
             linked_edges: SortedList::new(),
             changed_edges: Vec::new(),
-            replaced: Vec::new(),
+            taken: Taken::default(),
             changed_nodes: Vec::new(),
             touches: SortedList::new(),
             contacts: Vec::new(),
@@ -255,7 +257,6 @@ impl Occupancy {
             _ => Beside::Nothing,
         };
         let dependence = self.scratch.depend(beside, has_camera_walls);
-        let mut links_lost = false;
         if let Some(mut elements) = self.elements.take() {
             self.update_elements(&scene, changes.regions(), &mut elements);
             self.elements = Some(elements);
@@ -269,15 +270,16 @@ impl Occupancy {
             self.scratch.edges = edges;
             let mut wedges = std::mem::take(&mut self.wedges);
             wedges.update(&scene, changes.around_edges(), &self.conductor);
-            links_lost = self.update_edges(workers, &scene, &changes, dependence, &wedges);
+            self.update_edges(workers, &scene, &changes, dependence, &wedges);
             self.wedges = wedges;
         }
-        links_lost |= self.update_unstructured(workers, &scene, changes.around_edges());
+        self.update_unstructured(workers, &scene, changes.around_edges());
         self.changes = changes;
-        self.replaced.sort_unstable_by_key(|(edge, _)| *edge);
-        self.changed_edges.extend(self.replaced.iter().map(|(edge, _)| *edge));
+        self.taken.replaced.sort_unstable_by_key(|(edge, _)| *edge);
+        self.changed_edges.extend(self.taken.replaced.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();
-        if links_lost || self.linked_edges.grows() {
+        self.taken.linked.drain(..).for_each(|edge| self.linked_edges.add(edge));
+        if self.taken.links_lost || self.linked_edges.grows() {
             let couplings = &self.couplings;
             self.linked_edges.merge(|&edge| couplings[edge as usize].is_linked());
         }
@@ -298,7 +300,7 @@ impl Occupancy {
         }
         self.changed_nodes.clear();
         self.changed_edges.clear();
-        self.replaced.clear();
+        self.taken.clear();
     }
 
     fn set_holder(&mut self, node: usize, holder: u16) {
@@ -309,7 +311,7 @@ impl Occupancy {
         }
     }
 
-    /// Applies the edge rule to all edges that may have changed, and returns whether one had a link and has none now.
+    /// Applies the edge rule to all edges that may have changed.
     fn update_edges(
         &mut self,
         workers: &Workers,
@@ -317,7 +319,7 @@ impl Occupancy {
         changes: &Changes,
         dependence: Dependence,
         wedges: &Wedges,
-    ) -> bool {
+    ) {
         let mut edges = std::mem::take(&mut self.scratch.edges);
         let mut around = std::mem::take(&mut self.scratch.around);
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
@@ -331,81 +333,41 @@ impl Occupancy {
                 }
             });
         }
-        let mut links_lost = false;
         let mut anew = std::mem::take(&mut self.scratch.edges_anew);
         let conductor = std::mem::take(&mut self.conductor);
         let sight = Sight { scene, wedges, walls: &walls, conductor: &conductor };
         anew.start(workers);
         let looks_at_all = scene.has_weak || scene.has_camera_walls;
-        edges.marked().drain_with(&mut around, |edge, is_cut_anew| {
-            let is_cut_anew = is_cut_anew || looks_at_all || self.scratch.is_met[edge];
-            // What takes less than to keep an edge is done at once.
-            if !is_cut_anew && let Some((ends, coupling)) = sight.link_alone(edge) {
-                links_lost |= self.take_coupling(&conductor, edge, ends, coupling);
-                return;
+        let (sets, frame) = ([edges.marked(), &mut around], self.scratch.frame);
+        let mut unstructured = self.unstructured.take();
+        match &mut unstructured {
+            Some(unstructured) => {
+                anew.tell_all(workers, sight, sets, self.known().0, (frame, looks_at_all), unstructured);
             }
-            let asked = Asked { edge: edge as u32, is_cut_anew };
-            // A single thread takes each edge over as it comes.
-            if let Some(found) = anew.ask(sight, asked) {
-                links_lost |= self.take_edge(&conductor, asked, found);
-            } else if anew.is_full() {
-                anew.find(workers, sight);
-                anew.take().for_each(|(asked, found)| links_lost |= self.take_edge(&conductor, asked, found));
-            }
-        });
-        anew.find(workers, sight);
-        anew.take().for_each(|(asked, found)| links_lost |= self.take_edge(&conductor, asked, found));
+            None => anew.take_all(workers, sight, sets, self.known().0, (frame, looks_at_all)),
+        }
+        self.unstructured = unstructured;
+        anew.taken().for_each(|taken| self.taken.append(taken));
         for (edge, contact) in anew.contacts() {
             self.touches.add(Touch { place: edge, contact });
         }
         self.conductor = conductor;
         (self.scratch.edges, self.scratch.around, self.scratch.edges_anew) = (edges, around, anew);
         self.camera_walls = walls;
-        links_lost
     }
 
-    /// Takes over what becomes of an edge, and returns whether it had a link and has none now.
-    fn take_edge(&mut self, conductor: &[u16], asked: Asked, found: Found) -> bool {
-        let (edge, Found { ends, coupling, filled, is_met }) = (asked.edge as usize, found);
-        if asked.is_cut_anew {
-            self.scratch.edge_seen[edge] = self.scratch.frame;
-            self.scratch.is_met[edge] = is_met;
-            if let Some(unstructured) = &mut self.unstructured {
-                unstructured.fill(edge, filled);
-            }
-        }
-        self.take_coupling(conductor, edge, ends, coupling)
-    }
-
-    /// The same of an edge that surfaces cut as before.
-    #[inline]
-    fn take_coupling(&mut self, conductor: &[u16], edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
-        if let Some(unstructured) = &mut self.unstructured {
-            let is_moved = ends.iter().any(|&node| self.scratch.node_changed[node as usize]);
-            unstructured.take(HeldEdge::of(edge, ends, conductor), ends, is_moved, coupling);
-            return false;
-        }
-        self.couple(edge, ends, coupling)
-    }
-
-    /// Couples an edge and returns whether it had a link and has none now.
-    #[inline]
-    fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling) -> bool {
-        let node_changed = &self.scratch.node_changed;
-        let known = &mut self.couplings[edge];
-        if coupling.is(known) {
-            if !self.changed_nodes.is_empty() && ends.iter().any(|&node| node_changed[node as usize]) {
-                self.replaced.push((edge as u32, coupling));
-            }
-            return false;
-        }
-        let before = std::mem::replace(known, coupling);
-        self.replaced.push((edge as u32, before));
-        self.scratch.is_plain[edge] = coupling.is(&Coupling::PLAIN);
-        if coupling.is_linked() && !before.is_linked() {
-            self.linked_edges.add(edge as u32);
-        }
-        before.is_linked() && !coupling.is_linked()
+    /// What is known of all edges, and what was taken over.
+    fn known(&mut self) -> (Known<'_>, &mut Taken) {
+        let Scratch { is_met, is_plain, edge_seen, node_changed, .. } = &mut self.scratch;
+        let known = Known {
+            first: 0,
+            couplings: &mut self.couplings,
+            is_met,
+            is_plain,
+            seen: edge_seen,
+            moved: (!self.changed_nodes.is_empty()).then_some(node_changed),
+        };
+        (known, &mut self.taken)
     }
 
     /// Contacts last where no edge, or no element, was looked at again.
@@ -471,7 +433,7 @@ impl Occupancy {
 
     /// The same with the couplings that they had.
     pub(crate) fn replaced_couplings(&self) -> &[(u32, Coupling)] {
-        &self.replaced
+        &self.taken.replaced
     }
 
     /// Nodes that belong to another conductor, or none, than in the frame before, in increasing order.

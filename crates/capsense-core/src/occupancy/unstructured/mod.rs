@@ -150,30 +150,31 @@ fn is_conducting(rule: &Coupling, owners: [u16; 2]) -> bool {
 }
 
 impl Occupancy {
-    /// Couples the edges of a mesh that is no lattice, as far as something changed there; whether links were lost.
+    /// Couples the edges of a mesh that is no lattice, as far as something changed there.
     /// `around_edges` are boxes outside of which no edge of an object was or is, of what changed.
     pub(super) fn update_unstructured(
         &mut self,
         workers: &Workers,
         scene: &Scene<'_>,
         around_edges: &[Aabb],
-    ) -> bool {
-        let Some(mut unstructured) = self.unstructured.take() else { return false };
+    ) {
+        let Some(mut unstructured) = self.unstructured.take() else { return };
         let Unstructured { negative, obtuse, pending, .. } = &mut *unstructured;
         if let Some(negative) = negative {
             negative.update_elements(obtuse, |edge| pending.insert(edge));
         }
         unstructured.update_links(workers, scene, around_edges, &self.conductor);
         unstructured.update_immersed(workers, scene);
-        let mut links_lost = false;
+        let conductor = std::mem::take(&mut self.conductor);
+        let (mut known, taken) = self.known();
         for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;
             let ends = scene.mesh.edges.ends_of_existing(edge);
-            let held = HeldEdge::of(edge, ends, &self.conductor);
-            links_lost |= self.couple(edge, ends, unstructured.coupling(held, ends));
+            let held = HeldEdge::of(edge, ends, &conductor);
+            known.couple(edge, ends, unstructured.coupling(held, ends), taken);
         }
         unstructured.pending.clear();
+        self.conductor = conductor;
         self.unstructured = Some(unstructured);
-        links_lost
     }
 }

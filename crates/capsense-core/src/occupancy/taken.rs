@@ -1,0 +1,107 @@
+//! What edges were and are: what a frame makes of them is taken over, by threads that share the edges if need be.
+
+use super::coupling::Coupling;
+
+/// What is known of successive edges.
+pub(super) struct Known<'a> {
+    /// The first of these edges.
+    pub(super) first: usize,
+    pub(super) couplings: &'a mut [Coupling],
+    /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
+    pub(super) is_met: &'a mut [bool],
+    /// Whether no object touches an edge.
+    pub(super) is_plain: &'a mut [bool],
+    /// The frame in which each edge was last looked at.
+    pub(super) seen: &'a mut [u8],
+    /// Whether a conductor took or left each node of the mesh in this frame, if one did.
+    pub(super) moved: Option<&'a [bool]>,
+}
+
+/// What was taken over in a frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Taken {
+    /// Edges that are not what they were, or at whose end a node moved, with their couplings before.
+    pub(super) replaced: Vec<(u32, Coupling)>,
+    /// Edges that have links and had none.
+    pub(super) linked: Vec<u32>,
+    /// Whether an edge had a link and has none now.
+    pub(super) links_lost: bool,
+}
+
+impl<'a> Known<'a> {
+    /// Takes off what is known of the edges below one.
+    pub(super) fn split_to(&mut self, end: usize) -> Known<'a> {
+        fn take<'a, T>(from: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+            from.split_off_mut(..count).unwrap_or_default()
+        }
+        let (first, moved) = (self.first, self.moved);
+        let count = (end - first).min(self.couplings.len());
+        self.first += count;
+        Known {
+            first,
+            couplings: take(&mut self.couplings, count),
+            is_met: take(&mut self.is_met, count),
+            is_plain: take(&mut self.is_plain, count),
+            seen: take(&mut self.seen, count),
+            moved,
+        }
+    }
+
+    /// Whether an object meets an edge.
+    #[inline]
+    pub(super) fn is_met(&self, edge: usize) -> bool {
+        self.is_met[edge - self.first]
+    }
+
+    /// Notes that an edge was looked at in a frame, and whether an object meets it.
+    #[inline]
+    pub(super) fn see(&mut self, edge: usize, frame: u8, is_met: bool) {
+        self.seen[edge - self.first] = frame;
+        self.is_met[edge - self.first] = is_met;
+    }
+
+    /// Whether a conductor took or left one of the ends of an edge.
+    #[inline]
+    pub(super) fn is_moved(&self, ends: [u32; 2]) -> bool {
+        self.moved.is_some_and(|moved| ends.iter().any(|&node| moved[node as usize]))
+    }
+
+    /// Couples an edge.
+    #[inline]
+    pub(super) fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling, taken: &mut Taken) {
+        if coupling.is(&self.couplings[edge - self.first]) {
+            if self.is_moved(ends) {
+                taken.replaced.push((edge as u32, coupling));
+            }
+            return;
+        }
+        let before = std::mem::replace(&mut self.couplings[edge - self.first], coupling);
+        taken.replaced.push((edge as u32, before));
+        self.is_plain[edge - self.first] = coupling.is(&Coupling::PLAIN);
+        match (before.is_linked(), coupling.is_linked()) {
+            (false, true) => taken.linked.push(edge as u32),
+            (true, false) => taken.links_lost = true,
+            _ => (),
+        }
+    }
+}
+
+impl Taken {
+    /// Nothing.
+    pub(super) fn clear(&mut self) {
+        self.replaced.clear();
+        self.linked.clear();
+        self.links_lost = false;
+    }
+
+    /// Takes what was taken elsewhere, of edges that come after those here.
+    pub(super) fn append(&mut self, other: &mut Self) {
+        if self.replaced.is_empty() {
+            std::mem::swap(&mut self.replaced, &mut other.replaced);
+        } else {
+            self.replaced.append(&mut other.replaced);
+        }
+        self.linked.append(&mut other.linked);
+        self.links_lost |= std::mem::take(&mut other.links_lost);
+    }
+}
