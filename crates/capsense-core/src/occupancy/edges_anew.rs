@@ -86,11 +86,11 @@ impl EdgesAnew {
         &mut self,
         workers: &Workers,
         sight: Sight<'_>,
-        [marked, around]: [&mut IndexSet; 2],
+        sets: [&mut IndexSet; 2],
         mut known: Known<'_>,
         (frame, looks_at_all): (u8, bool),
     ) {
-        let parts = marked.cut_with(around, self.rooms.len());
+        let parts = IndexSet::cut(sets, self.rooms.len());
         let tasks =
             parts.zip(&mut self.rooms).map(move |(part, room)| (known.split_to(part.end()), part, room));
         workers.for_each(tasks, |(mut known, part, room)| {

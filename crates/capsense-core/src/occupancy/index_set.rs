@@ -109,8 +109,77 @@ impl IndexSet {
     /// empty.
     #[inline]
     pub(super) fn drain_runs(&mut self, mut visit: impl FnMut(Range<usize>)) {
-        for word in std::mem::replace(&mut self.used, NO_WORDS) {
-            let mut bits = std::mem::take(&mut self.words[word]);
+        Self::cut([self], 1).for_each(|part| part.drain_runs(&mut visit));
+    }
+
+    /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
+    /// is in this one, and leaves both empty.
+    #[inline]
+    pub(super) fn drain_with(&mut self, other: &mut Self, mut visit: impl FnMut(usize, bool)) {
+        Self::cut([self, other], 1).for_each(|part| part.drain(&mut visit));
+    }
+
+    /// Cuts sets below the same bound into so many parts at most, of about as many numbers each. They are empty once all parts are
+    /// drained.
+    pub(super) fn cut<const N: usize>(
+        sets: [&mut Self; N],
+        parts: usize,
+    ) -> impl Iterator<Item = Part<'_, N>> + Send {
+        let used = sets
+            .iter()
+            .filter(|set| !set.used.is_empty())
+            .fold(NO_WORDS, |all, set| all.start.min(set.used.start)..all.end.max(set.used.end));
+        let used = if used.is_empty() { 0..0 } else { used };
+        let mut first = used.start;
+        let mut words = sets.map(|set| {
+            set.used = NO_WORDS;
+            &mut set.words[used.clone()]
+        });
+        fn numbers<const N: usize>(words: &[&mut [u64]; N], at: usize) -> usize {
+            words.iter().fold(0, |all, words| all | words[at]).count_ones() as usize
+        }
+        let all: usize = if parts > 1 { (0..used.len()).map(|at| numbers(&words, at)).sum() } else { 0 };
+        let of_part = all.div_ceil(parts.max(1));
+        std::iter::from_fn(move || {
+            let left = words.first().map_or(0, |words| words.len());
+            let mut count = 0;
+            let mut is_last = |at: usize| {
+                count += numbers(&words, at);
+                count >= of_part
+            };
+            let last = if parts > 1 { (0..left).find(|&at| is_last(at)) } else { None };
+            let taken = last.map_or(left, |last| last + 1);
+            let part = Part {
+                first,
+                words: words.each_mut().map(|words| words.split_off_mut(..taken).unwrap_or_default()),
+            };
+            first += taken;
+            (taken > 0).then_some(part)
+        })
+    }
+}
+
+/// A part of sets.
+pub(super) struct Part<'a, const N: usize> {
+    /// Number of the first word.
+    first: usize,
+    words: [&'a mut [u64]; N],
+}
+
+impl<const N: usize> Part<'_, N> {
+    /// One more than the last number that it can have.
+    pub(super) fn end(&self) -> usize {
+        (self.first + self.words.first().map_or(0, |words| words.len())) * BITS
+    }
+}
+
+impl Part<'_, 1> {
+    /// Visits all numbers in increasing order, those next to each other together, up to [`RUN`] of them, and leaves it empty.
+    #[inline]
+    pub(super) fn drain_runs(self, mut visit: impl FnMut(Range<usize>)) {
+        let [words] = self.words;
+        for (word, bits) in (self.first..).zip(words) {
+            let mut bits = std::mem::take(bits);
             while bits != 0 {
                 let from = bits.trailing_zeros();
                 let count = (bits >> from).trailing_ones();
@@ -121,67 +190,14 @@ impl IndexSet {
             }
         }
     }
-
-    /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
-    /// is in this one, and leaves both empty.
-    #[inline]
-    pub(super) fn drain_with(&mut self, other: &mut Self, mut visit: impl FnMut(usize, bool)) {
-        self.cut_with(other, 1).for_each(|part| part.drain(&mut visit));
-    }
-
-    /// Cuts this set and another below the same bound into so many parts at most, of about as many numbers each. Both are empty
-    /// once all parts are drained.
-    pub(super) fn cut_with<'a>(
-        &'a mut self,
-        other: &'a mut Self,
-        parts: usize,
-    ) -> impl Iterator<Item = PairPart<'a>> + Send {
-        if !other.used.is_empty() {
-            self.use_words(other.used.start, other.used.end - 1);
-            other.used = NO_WORDS;
-        }
-        let used = std::mem::replace(&mut self.used, NO_WORDS);
-        let mut first = used.start;
-        // Of no words there is no range to cut.
-        let used = if used.is_empty() { 0..0 } else { used };
-        let (mut own, mut others) = (&mut self.words[used.clone()], &mut other.words[used]);
-        let count = |own: &u64, other: &u64| (own | other).count_ones() as usize;
-        let all: usize = if parts > 1 { own.iter().zip(&*others).map(|(a, b)| count(a, b)).sum() } else { 0 };
-        let of_part = all.div_ceil(parts.max(1));
-        std::iter::from_fn(move || {
-            let mut numbers = 0;
-            let is_last = |(a, b): (&u64, &u64)| {
-                numbers += count(a, b);
-                numbers >= of_part
-            };
-            let last = if parts > 1 { own.iter().zip(&*others).position(is_last) } else { None };
-            let words = last.map_or(own.len(), |last| last + 1);
-            let start = first;
-            first += words;
-            let (own, other) = (own.split_off_mut(..words)?, others.split_off_mut(..words)?);
-            (words > 0).then_some(PairPart { first: start, own, other })
-        })
-    }
 }
 
-/// A part of two sets.
-pub(super) struct PairPart<'a> {
-    /// Number of the first word.
-    first: usize,
-    own: &'a mut [u64],
-    other: &'a mut [u64],
-}
-
-impl PairPart<'_> {
-    /// One more than the last number that it can have.
-    pub(super) fn end(&self) -> usize {
-        (self.first + self.own.len()) * BITS
-    }
-
+impl Part<'_, 2> {
     /// Visits all numbers in increasing order, each once, tells whether it is in the first of the sets, and leaves both empty.
     #[inline]
     pub(super) fn drain(self, mut visit: impl FnMut(usize, bool)) {
-        for (word, (own, other)) in (self.first..).zip(self.own.iter_mut().zip(self.other)) {
+        let [own, other] = self.words;
+        for (word, (own, other)) in (self.first..).zip(own.iter_mut().zip(other)) {
             let own = std::mem::take(own);
             let all = own | std::mem::take(other);
             for_bits(all, |bit| visit(word * BITS + bit, own >> bit & 1 != 0));
@@ -273,7 +289,7 @@ mod tests {
             [3, 64, 130, 131].into_iter().for_each(|number| set.insert(number));
             [3, 65, 131, 290].into_iter().for_each(|number| other.insert(number));
             let (mut numbers, mut count, mut from) = (Vec::new(), 0, 0);
-            for part in set.cut_with(&mut other, parts) {
+            for part in IndexSet::cut([&mut set, &mut other], parts) {
                 let end = part.end();
                 part.drain(|number, _| {
                     assert!((from..end).contains(&number), "{number} in {from}..{end}");
@@ -285,7 +301,7 @@ mod tests {
             assert!(count <= parts && (parts == 1 || count > 1), "{count} of {parts}");
             assert_eq!([drained(&mut set), drained(&mut other)], [[], []]);
         }
-        assert!(set.cut_with(&mut other, 3).next().is_none());
+        assert!(IndexSet::cut([&mut set, &mut other], 3).next().is_none());
         [64, 130].into_iter().for_each(|number| set.insert(number));
         [65, 250].into_iter().for_each(|number| other.insert(number));
         set.unite(&mut other);

@@ -54,8 +54,8 @@ use near_field::Wedges;
 use scene::Scene;
 use sorted::SortedList;
 use taken::{Known, Taken};
-pub(crate) use unstructured::may_be_immersed;
 use unstructured::Unstructured;
+pub(crate) use unstructured::may_be_immersed;
 
 /// The nodes and edges that objects are to be found on.
 #[derive(Clone, Copy, Debug)]
@@ -269,7 +269,7 @@ impl Occupancy {
             workers.both(mark_edges, find_holders);
             self.scratch.edges = edges;
             let mut wedges = std::mem::take(&mut self.wedges);
-            wedges.update(&scene, changes.around_edges(), &self.conductor);
+            wedges.update(workers, &scene, changes.around_edges(), &self.conductor);
             self.update_edges(workers, &scene, &changes, dependence, &wedges);
             self.wedges = wedges;
         }

@@ -1,6 +1,6 @@
 //! Which edges of a lattice nodes near edges of conductors have changed.
 
-use super::{CARRIER, Wedges};
+use super::{CARRIER, Room, Wedges};
 use crate::mesh::Edges;
 use crate::occupancy::index_set::IndexSet;
 
@@ -16,11 +16,11 @@ impl Wedges {
         let Edges::Lattice(lattice) = edges else { return };
         let strides = lattice.strides();
         // Edges below a node have the number of the node at their other end.
-        changed.expect(3 * self.looked_at.start.saturating_sub(strides[2])..3 * self.looked_at.end);
-        for &node in &self.relinked {
-            changed.insert_expected(3 * node as usize + CARRIER);
+        for Room { looked_at, relinked, .. } in &self.rooms {
+            changed.expect(3 * looked_at.start.saturating_sub(strides[2])..3 * looked_at.end);
+            relinked.iter().for_each(|&node| changed.insert_expected(3 * node as usize + CARRIER));
         }
-        for &(node, sides) in &self.around {
+        for &(node, sides) in self.rooms.iter().flat_map(|room| &room.around) {
             let node = node as usize;
             // Others change only if they are not plain, or walls may pass beside them: beside both their ends.
             let may_be_beside = self.at[node].may_be_beside(conductors[node]);

@@ -24,6 +24,7 @@ mod changed;
 mod field;
 mod link;
 mod look;
+mod nodes_anew;
 mod round;
 mod row;
 mod share;
@@ -46,18 +47,22 @@ use crate::geometry::Aabb;
 use crate::instructions::widest;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
+use crate::workers::Workers;
 use cells::RowCells;
 use glam::DVec3;
-use link::{LinkBatch, Unlinked};
+use link::Unlinked;
 use look::Look;
+use nodes_anew::{NodesAnew, Room};
 use row::{FindNearest, NearestEdges};
 pub(super) use row::{larger, smaller};
 use star::{FAR, Stars, StarsInRow};
 pub(super) use star::{Row, Star};
-use std::ops::Range;
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
+
+/// So many tasks for each thread, as some take longer and some threads come later.
+const TASKS_OF_A_THREAD: usize = 4;
 
 /// The axis along which each node's own edge carries its link.
 const CARRIER: usize = 0;
@@ -146,23 +151,20 @@ pub(super) struct Wedges {
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
-    /// What the nodes at hand make of each object, if it is a box.
-    nearest: Vec<NearestEdges>,
-    /// All nodes that the last update looked at are among these.
-    looked_at: Range<usize>,
-    /// Nodes whose links changed.
-    relinked: Vec<u32>,
-    /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
-    /// of their edges exist.
-    around: Vec<(u32, u8)>,
+    /// Room for each task, with what it noted.
+    rooms: Vec<Room>,
 }
 
 impl Wedges {
     /// Looks at the nodes near some regions, outside of which nothing changed. `conductors` are those that hold nodes.
-    pub(super) fn update(&mut self, scene: &Scene<'_>, regions: &[Aabb], conductors: &[u16]) {
-        self.relinked.clear();
-        self.around.clear();
-        self.looked_at = 0..0;
+    pub(super) fn update(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        regions: &[Aabb],
+        conductors: &[u16],
+    ) {
+        self.rooms.iter_mut().for_each(Room::forget);
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
@@ -172,118 +174,22 @@ impl Wedges {
         if self.at.is_empty() {
             return;
         }
-        let stars = std::mem::take(&mut self.stars);
-        let mut nearest = std::mem::take(&mut self.nearest);
-        if nearest.len() < scene.bounds.len() {
-            nearest.resize(scene.bounds.len(), NearestEdges::NONE);
-        }
-        for (nearest, field) in nearest.iter_mut().zip(scene.fields) {
-            if let Some((angles, half)) = field.of_box() {
-                nearest.start(angles, half);
-            }
-        }
-        let mut nodes = std::mem::take(&mut self.nodes);
-        let mut row = Row::default();
+        let Self { at, stars, nodes, rooms } = self;
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
-        let mut batch = LinkBatch::EMPTY;
-        let look = Look { scene, stars: &stars, conductors };
-        nodes.drain_runs(|mut run| {
-            let first = if self.looked_at.is_empty() { run.start } else { self.looked_at.start };
-            self.looked_at = first..run.end;
-            while !run.is_empty() {
-                run.start = self.look_at_row(&look, run.clone(), &mut row, &mut nearest, &mut batch);
-            }
+        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+        rooms.resize_with(tasks, Room::default);
+        let look = Look { scene, stars, conductors };
+        let (mut first, mut rest) = (0, &mut at[..]);
+        let tasks = IndexSet::cut([nodes], tasks).zip(rooms).map(move |(part, room)| {
+            let own = rest.split_off_mut(..(part.end() - first).min(rest.len())).unwrap_or_default();
+            let nodes = NodesAnew { look, first, at: own, room };
+            first = part.end();
+            (nodes, part)
         });
-        self.link(&look, &mut batch);
-        (self.nodes, self.nearest, self.stars) = (nodes, nearest, stars);
-    }
-
-    /// Looks at those of some nodes that are in the row of the first, and returns the one after them. Links are found once
-    /// enough nodes wait for theirs.
-    fn look_at_row(
-        &mut self,
-        look: &Look<'_>,
-        nodes: Range<usize>,
-        row: &mut Row,
-        nearest: &mut [NearestEdges],
-        batch: &mut LinkBatch,
-    ) -> usize {
-        let Look { scene, stars, conductors } = *look;
-        let row = stars.in_row(nodes, row);
-        scene.find_nearest_edges(&row.cells(), nearest);
-        let may_be_beside = scene.may_be_beside(&row, nearest);
-        let is_one_box = scene.is_one_box();
-        for (number, star) in row.each().enumerate() {
-            let node = star.node;
-            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
-                if self.at[node] != AtWedge::NONE {
-                    self.settle(node, star.sides(), AtWedge::NONE);
-                }
-                continue;
-            }
-            let is_beside = || may_be_beside >> number & 1 != 0 && scene.is_beside(&star, number, nearest);
-            let found = if is_one_box {
-                let share = nearest[0].share(number);
-                (share > 0.0).then_some(((0, share), None))
-            } else {
-                scene.nearest_in_row(&star, number, nearest)
-            };
-            let found = found.filter(|_| scene.takes_link(&star));
-            let Some(((object, share), near)) = found else {
-                let is_beside = is_beside();
-                if is_beside || self.at[node] != AtWedge::NONE {
-                    self.settle(node, star.sides(), AtWedge { is_beside, ..AtWedge::NONE });
-                }
-                continue;
-            };
-            match near {
-                None => {
-                    let (edge, before) = nearest[object].edge(number);
-                    let unlinked = scene.unlinked(&star, (object, share), edge, is_beside);
-                    batch.push(unlinked, before, &edge.normals, look.neighbours(&star, object as u16));
-                }
-                Some(Near::Edge(angle)) => {
-                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
-                    let before = angle.before(star.place());
-                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
-                    batch.bend_last(&angle);
-                }
-                Some(Near::Round(round)) => {
-                    let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
-                    let at = look.linked_to_round(&star, &round, &unlinked);
-                    self.settle(star.node, unlinked.sides, at);
-                    continue;
-                }
-            }
-            if batch.is_full() {
-                self.link(look, batch);
-            }
-        }
-        row.nodes.end
-    }
-
-    /// Finds the links that are missing.
-    fn link(&mut self, look: &Look<'_>, batch: &mut LinkBatch) {
-        let is_hidden = |unlinked: &Unlinked, number: usize| {
-            look.is_between(unlinked.at.object, unlinked.node, look.stars.neighbour_of(unlinked.node, number))
-        };
-        batch.drain(is_hidden, |unlinked, at| self.settle(unlinked.node, unlinked.sides, at));
-    }
-
-    /// Notes what a node makes of edges of conductors, and what of that is new.
-    #[inline]
-    fn settle(&mut self, node: usize, sides: u8, now: AtWedge) {
-        let before = std::mem::replace(&mut self.at[node], now);
-        let has_same_share = before.has_share_of(&now);
-        if !has_same_share || before.link.to_bits() != now.link.to_bits() {
-            self.relinked.push(node as u32);
-        }
-        if !has_same_share || before.is_beside || now.is_beside {
-            self.around.push((node as u32, sides));
-        }
+        workers.for_each(tasks, |(nodes, part)| nodes.look_at_all(part));
     }
 
     /// What is around a node of a lattice, of which [`Wedges::may_be_beside`] says that something is, best in the row of the

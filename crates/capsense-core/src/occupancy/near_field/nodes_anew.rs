@@ -1,0 +1,155 @@
+//! Nodes near conductors that are looked at anew: what they make of them follows from the scene alone, so threads share them.
+
+use super::link::{LinkBatch, Unlinked};
+use super::look::Look;
+use super::row::NearestEdges;
+use super::star::Row;
+use super::{AtWedge, Near};
+use crate::occupancy::NO_OBJECT;
+use crate::occupancy::index_set::Part;
+use std::ops::Range;
+
+/// Successive nodes, and what they are looked at with.
+pub(super) struct NodesAnew<'a> {
+    pub(super) look: Look<'a>,
+    /// The first of them.
+    pub(super) first: usize,
+    pub(super) at: &'a mut [AtWedge],
+    pub(super) room: &'a mut Room,
+}
+
+/// Storage for one task.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Room {
+    /// What the nodes at hand make of each object, if it is a box.
+    nearest: Vec<NearestEdges>,
+    /// All nodes that were looked at are among these.
+    pub(super) looked_at: Range<usize>,
+    /// Nodes whose links changed.
+    pub(super) relinked: Vec<u32>,
+    /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
+    /// of their edges exist.
+    pub(super) around: Vec<(u32, u8)>,
+}
+
+impl Room {
+    /// Forgets what was noted.
+    pub(super) fn forget(&mut self) {
+        self.relinked.clear();
+        self.around.clear();
+        self.looked_at = 0..0;
+    }
+}
+
+impl NodesAnew<'_> {
+    /// Looks at some of the nodes.
+    pub(super) fn look_at_all(mut self, part: Part<'_, 1>) {
+        let scene = self.look.scene;
+        let mut nearest = std::mem::take(&mut self.room.nearest);
+        if nearest.len() < scene.bounds.len() {
+            nearest.resize(scene.bounds.len(), NearestEdges::NONE);
+        }
+        for (nearest, field) in nearest.iter_mut().zip(scene.fields) {
+            if let Some((angles, half)) = field.of_box() {
+                nearest.start(angles, half);
+            }
+        }
+        let (mut row, mut batch) = (Row::default(), LinkBatch::EMPTY);
+        part.drain_runs(|mut run| {
+            let before = &self.room.looked_at;
+            let first = if Range::is_empty(before) { run.start } else { before.start };
+            self.room.looked_at = first..run.end;
+            while !run.is_empty() {
+                run.start = self.look_at_row(run.clone(), &mut row, &mut nearest, &mut batch);
+            }
+        });
+        self.link(&mut batch);
+        self.room.nearest = nearest;
+    }
+
+    /// Looks at those of some nodes that are in the row of the first, and returns the one after them. Links are found once
+    /// enough nodes wait for theirs.
+    fn look_at_row(
+        &mut self,
+        nodes: Range<usize>,
+        row: &mut Row,
+        nearest: &mut [NearestEdges],
+        batch: &mut LinkBatch,
+    ) -> usize {
+        let look = self.look;
+        let Look { scene, stars, conductors } = look;
+        let row = stars.in_row(nodes, row);
+        scene.find_nearest_edges(&row.cells(), nearest);
+        let may_be_beside = scene.may_be_beside(&row, nearest);
+        let is_one_box = scene.is_one_box();
+        for (number, star) in row.each().enumerate() {
+            let node = star.node;
+            if !scene.has_silhouettes || conductors[node] != NO_OBJECT {
+                if self.at[node - self.first] != AtWedge::NONE {
+                    self.settle(node, star.sides(), AtWedge::NONE);
+                }
+                continue;
+            }
+            let is_beside = || may_be_beside >> number & 1 != 0 && scene.is_beside(&star, number, nearest);
+            let found = if is_one_box {
+                let share = nearest[0].share(number);
+                (share > 0.0).then_some(((0, share), None))
+            } else {
+                scene.nearest_in_row(&star, number, nearest)
+            };
+            let found = found.filter(|_| scene.takes_link(&star));
+            let Some(((object, share), near)) = found else {
+                let is_beside = is_beside();
+                if is_beside || self.at[node - self.first] != AtWedge::NONE {
+                    self.settle(node, star.sides(), AtWedge { is_beside, ..AtWedge::NONE });
+                }
+                continue;
+            };
+            match near {
+                None => {
+                    let (edge, before) = nearest[object].edge(number);
+                    let unlinked = scene.unlinked(&star, (object, share), edge, is_beside);
+                    batch.push(unlinked, before, &edge.normals, look.neighbours(&star, object as u16));
+                }
+                Some(Near::Edge(angle)) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
+                    let before = angle.before(star.place());
+                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
+                    batch.bend_last(&angle);
+                }
+                Some(Near::Round(round)) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
+                    let at = look.linked_to_round(&star, &round, &unlinked);
+                    self.settle(star.node, unlinked.sides, at);
+                    continue;
+                }
+            }
+            if batch.is_full() {
+                self.link(batch);
+            }
+        }
+        row.nodes.end
+    }
+
+    /// Finds the links that are missing.
+    fn link(&mut self, batch: &mut LinkBatch) {
+        let look = self.look;
+        let is_hidden = |unlinked: &Unlinked, number: usize| {
+            look.is_between(unlinked.at.object, unlinked.node, look.stars.neighbour_of(unlinked.node, number))
+        };
+        batch.drain(is_hidden, |unlinked, at| self.settle(unlinked.node, unlinked.sides, at));
+    }
+
+    /// Notes what a node makes of edges of conductors, and what of that is new.
+    #[inline]
+    fn settle(&mut self, node: usize, sides: u8, now: AtWedge) {
+        let before = std::mem::replace(&mut self.at[node - self.first], now);
+        let has_same_share = before.has_share_of(&now);
+        if !has_same_share || before.link.to_bits() != now.link.to_bits() {
+            self.room.relinked.push(node as u32);
+        }
+        if !has_same_share || before.is_beside || now.is_beside {
+            self.room.around.push((node as u32, sides));
+        }
+    }
+}
