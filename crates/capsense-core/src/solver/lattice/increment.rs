@@ -74,13 +74,13 @@ impl<T: Clone + Default> Sums<T> {
         with_residuals.iter_mut().chain(with_charges).chain(crossed).chain(squares)
     }
 
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.all().for_each(|sum| *sum = T::default());
     }
 }
 
 impl Sums {
-    fn add(&mut self, other: &mut Self) {
+    pub(super) fn add(&mut self, other: &mut Self) {
         self.all().zip(other.all()).for_each(|(sum, part)| *sum += *part);
     }
 

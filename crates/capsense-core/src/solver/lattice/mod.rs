@@ -51,7 +51,7 @@ use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;
 use potentials::Potentials;
-use refreshed::{Blocks, Refreshed};
+use refreshed::{Blocks, GROUPS, Refreshed};
 use relaxation::Room;
 use sums::PIECE;
 
@@ -122,7 +122,7 @@ impl LatticeSolver {
             columns,
             layout,
             of_nodes,
-            potentials: Potentials::double(of_nodes, &layout, parts.slabs.len()),
+            potentials: Potentials::double(of_nodes, &layout, parts.slabs.len().max(GROUPS)),
             links: ObjectLinks::new(objects, columns),
             p: layout.zeros(),
             scale: vec![0.0; columns],
@@ -200,7 +200,8 @@ impl LatticeSolver {
     /// Stores potentials in another precision.
     pub(crate) fn change_precision(&mut self, matrix: &StiffnessMatrix) {
         self.drop_increment();
-        let (of_nodes, layout, slabs) = (self.of_nodes, self.layout, self.parts.slabs.len());
+        let (of_nodes, layout) = (self.of_nodes, self.layout);
+        let slabs = self.parts.slabs.len().max(GROUPS);
         let mut potentials = match self.potentials {
             Potentials::Double { .. } => Potentials::single(of_nodes, &layout, slabs),
             Potentials::Single { .. } => Potentials::double(of_nodes, &layout, slabs),
@@ -301,7 +302,7 @@ impl LatticeSolver {
             increment.forget_energies();
             let mut rows =
                 Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
-            rows.refresh(arch);
+            rows.refresh(workers, arch);
             rows.relax(changed);
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();

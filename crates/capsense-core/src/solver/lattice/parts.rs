@@ -91,7 +91,7 @@ impl Parts {
 }
 
 /// Where planes are in vectors.
-fn places(layout: &Layout, planes: Range<usize>) -> Range<usize> {
+pub(super) fn places(layout: &Layout, planes: Range<usize>) -> Range<usize> {
     let start = if planes.start == 0 { 0 } else { layout.cut(planes.start) };
     let end = if planes.end == layout.counts[2] { layout.len() } else { layout.cut(planes.end) };
     start..end

@@ -8,12 +8,14 @@ use super::increment::{self, Increment};
 use super::layout::{BLOCK, Coloured, Layout, RED};
 use super::level::Level;
 use super::links::ObjectLinks;
+use super::parts::places;
 use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
 use super::relaxation::Room;
 use super::sums::{Equations, Nodes, PIECE, Partial, Sums, hold, total, turn_into_residuals};
 use crate::instructions::EightLanes;
 use crate::solver::operator::State;
+use crate::workers::Workers;
 use pulp::{Simd, WithSimd};
 
 /// What changed rows change.
@@ -29,15 +31,28 @@ pub(super) struct Refreshed<'a> {
     pub(super) room: &'a mut Room,
 }
 
-/// Blocks of nodes, and room for one.
+/// So many groups of planes have their sums each, whatever the threads that share them.
+pub(super) const GROUPS: usize = 8;
+
+/// Fewer blocks are not worth a group.
+const BLOCKS_OF_A_GROUP: usize = 128;
+
+/// Blocks of nodes, and room for those of each group of planes.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
-    /// Where they start, in the order in which they were found.
-    starts: Vec<StoredPlace>,
+    /// Where those of each plane start, in the order in which they were found.
+    starts: Vec<Vec<StoredPlace>>,
     /// By colour and place of the first node in whole blocks.
     is_listed: Coloured<bool>,
+    rooms: Vec<GroupRoom>,
+}
+
+/// Room for one block, and by how much a group's sums changed.
+#[derive(Clone, Debug)]
+struct GroupRoom {
     of_block: Vec<OfColumn>,
     changes: Changes,
+    of_increment: increment::Sums,
 }
 
 /// What the nodes of a block have in one column: potentials, the last change of the fields, and residuals and charges of that
@@ -64,15 +79,19 @@ impl Blocks {
     /// None, of nodes and vectors with such layouts.
     pub(super) fn new(of_nodes: &Layout, columns: usize) -> Self {
         let flags = || vec![false; of_nodes.len().div_ceil(BLOCK)];
-        Self {
-            starts: Vec::new(),
-            is_listed: [flags(), flags()],
+        let room = GroupRoom {
             of_block: vec![OfColumn::default(); columns],
             changes: Changes {
                 products: vec![Partial::default(); columns * columns],
                 residual: vec![Partial::default(); columns],
                 of_increment: increment::Sums::new(columns),
             },
+            of_increment: increment::Sums::new(columns),
+        };
+        Self {
+            starts: vec![Vec::new(); of_nodes.counts[2]],
+            is_listed: [flags(), flags()],
+            rooms: vec![room; GROUPS],
         }
     }
 
@@ -85,72 +104,126 @@ impl Blocks {
         let within = (at - plane.start) % BLOCK;
         let (at, first) = (at - within, first - within);
         if !std::mem::replace(&mut self.is_listed[colour][at / BLOCK], true) {
-            self.starts.push(Place { colour, at, first }.stored());
+            self.starts[k].push(Place { colour, at, first }.stored());
         }
     }
 
     /// Gives back the room that the first refresh took, in which every row changed.
     pub(super) fn settle(&mut self) {
-        self.starts = Vec::new();
+        self.starts.fill(Vec::new());
     }
 
     /// Forgets all blocks and changes.
     fn clear(&mut self) {
-        for start in self.starts.drain(..) {
+        for start in self.starts.iter_mut().flat_map(|starts| starts.drain(..)) {
             let Place { colour, at, .. } = start.get();
             self.is_listed[colour][at / BLOCK] = false;
         }
-        let Changes { products, residual, .. } = &mut self.changes;
-        products.iter_mut().chain(residual).for_each(|sum| *sum = Partial::default());
+        for GroupRoom { changes: Changes { products, residual, .. }, of_increment, .. } in &mut self.rooms {
+            products.iter_mut().chain(residual).for_each(|sum| *sum = Partial::default());
+            of_increment.clear();
+        }
     }
 }
 
 impl Refreshed<'_> {
     /// Recomputes the residuals of the blocks that are listed, and what depends on them.
-    pub(super) fn refresh(&mut self, arch: EightLanes) {
+    pub(super) fn refresh(&mut self, workers: &Workers, arch: EightLanes) {
         let Self { of_nodes, potentials, links, finest, increment, of_free, state, blocks, .. } = self;
         let Level { stencil, layout, b, charges, .. } = &mut **finest;
-        let (inverse, layout) = (&stencil.centre, *layout);
+        let (of_nodes, inverse, layout) = (*of_nodes, &stencil.centre, *layout);
+        let Increment { fields, sums: of_increment, is_known, .. } = &mut **increment;
         match &mut **potentials {
             Potentials::Single { x, leak, sums } => {
                 let network = Leaking { stencil, leak };
-                let equations = Equations { network, of_nodes: *of_nodes, layout, inverse, links };
-                let Increment { fields, sums: of_increment, is_known, .. } = &mut **increment;
-                let followed = is_known.then_some(Followed { fields, charges, sums: of_increment });
-                arch.dispatch(Blockwise { equations, x, r: b, followed, sums: &mut sums[0], blocks });
+                let equations = Equations { network, of_nodes, layout, inverse, links };
+                let charges = charges.each_mut().map(|charges| &mut charges[..]);
+                let followed = is_known.then_some(Followed { fields, charges });
+                blocks.take((workers, arch), &equations, (x, b), followed, sums);
             }
             Potentials::Double { x, stencil, sums, .. } => {
-                let equations =
-                    Equations { network: &**stencil, of_nodes: *of_nodes, layout, inverse, links };
-                arch.dispatch(Blockwise { equations, x, r: b, followed: None, sums: &mut sums[0], blocks });
+                let equations = Equations { network: &**stencil, of_nodes, layout, inverse, links };
+                blocks.take((workers, arch), &equations, (x, b), None, sums);
             }
         }
-        let Changes { products, residual, .. } = &blocks.changes;
-        for (energy, product) in of_free.iter_mut().zip(products) {
-            // Charges are minus residuals.
-            *energy -= total(product);
+        for GroupRoom { changes: Changes { products, residual, .. }, of_increment: of_group, .. } in
+            &mut blocks.rooms
+        {
+            for (energy, product) in of_free.iter_mut().zip(products) {
+                // Charges are minus residuals.
+                *energy -= total(product);
+            }
+            state.residual.iter_mut().zip(residual).for_each(|(sum, part)| *sum += total(part));
+            of_increment.add(of_group);
         }
-        state.residual.iter_mut().zip(residual).for_each(|(sum, part)| *sum += total(part));
         blocks.clear();
     }
 }
 
-/// Residuals in blocks, and by how much sums changed.
+impl Blocks {
+    /// Has threads recompute the residuals of all blocks, and the charges of the last change of the fields where these are to follow.
+    fn take<K: Network + Sync>(
+        &mut self,
+        (workers, arch): (&Workers, EightLanes),
+        equations: &Equations<'_, K>,
+        (x, r): (&Coloured<K::Value>, &mut Coloured<f32>),
+        mut followed: Option<Followed<'_, K::Value>>,
+        sums: &mut [Sums<K::Value>],
+    ) {
+        let Self { starts, rooms, .. } = self;
+        let all: usize = starts.iter().map(Vec::len).sum();
+        let of_group = all.div_ceil(GROUPS).max(BLOCKS_OF_A_GROUP);
+        let (starts, mut first) = (&*starts, 0);
+        let groups = std::iter::from_fn(move || {
+            let (mut count, mut end) = (0, first);
+            while end < starts.len() && count < of_group {
+                count += starts[end].len();
+                end += 1;
+            }
+            let planes = std::mem::replace(&mut first, end)..end;
+            (!planes.is_empty()).then_some(planes)
+        });
+        let mut r = r.each_mut().map(|r| &mut r[..]);
+        let tasks = groups.zip(rooms).zip(sums).map(move |((planes, room), sums)| {
+            let places = places(&equations.layout, planes.clone());
+            let followed = followed.as_mut().map(|followed| followed.cut_off(places.len()));
+            let r = cut_off(&mut r, places.len());
+            Blockwise { equations, x, starts: &starts[planes], first: places.start, r, followed, sums, room }
+        });
+        workers.for_each(tasks, |task| arch.dispatch(task));
+    }
+}
+
+/// The last change of the fields where it is to follow, and its charges.
+struct Followed<'a, T> {
+    fields: &'a Coloured<T>,
+    charges: [&'a mut [f32]; 2],
+}
+
+impl<'a, T> Followed<'a, T> {
+    /// Takes so many charges of either colour off.
+    fn cut_off(&mut self, count: usize) -> Self {
+        Self { fields: self.fields, charges: cut_off(&mut self.charges, count) }
+    }
+}
+
+/// Takes so many numbers of either colour off.
+fn cut_off<'a>(of: &mut [&'a mut [f32]; 2], count: usize) -> [&'a mut [f32]; 2] {
+    of.each_mut().map(|of| of.split_off_mut(..count).unwrap_or_default())
+}
+
+/// Residuals in the blocks of some planes, and by how much sums changed.
 struct Blockwise<'a, K: Network> {
-    equations: Equations<'a, K>,
+    equations: &'a Equations<'a, K>,
     x: &'a Coloured<K::Value>,
-    r: &'a mut Coloured<f32>,
+    starts: &'a [Vec<StoredPlace>],
+    /// The first place of what follows, which is of these planes.
+    first: usize,
+    r: [&'a mut [f32]; 2],
     followed: Option<Followed<'a, K::Value>>,
     /// Room for charges.
     sums: &'a mut Sums<K::Value>,
-    blocks: &'a mut Blocks,
-}
-
-/// The last change of the fields where it is to follow, its charges and sums.
-struct Followed<'a, T> {
-    fields: &'a Coloured<T>,
-    charges: &'a mut Coloured<f32>,
-    sums: &'a mut increment::Sums,
+    room: &'a mut GroupRoom,
 }
 
 impl<K: Network> WithSimd for Blockwise<'_, K> {
@@ -158,16 +231,17 @@ impl<K: Network> WithSimd for Blockwise<'_, K> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let (blocks, few) = (self.blocks.starts.len(), PIECE / BLOCK);
-        for start in (0..blocks).step_by(few) {
-            for block in start..blocks.min(start + few) {
-                let Place { colour, at, first } = self.blocks.starts[block].get();
+        let few = PIECE / BLOCK;
+        for starts in self.starts.iter().flat_map(|starts| starts.chunks(few)) {
+            for start in starts {
+                let Place { colour, at, first } = start.get();
                 let nodes = Nodes { colour, places: at..at + BLOCK, first };
                 self.take_residuals(simd, &nodes);
                 self.take_charges(simd, &nodes);
             }
-            if let Some(Followed { sums, .. }) = &mut self.followed {
-                sums.take(&mut self.blocks.changes.of_increment);
+            if self.followed.is_some() {
+                let GroupRoom { changes, of_increment, .. } = &mut *self.room;
+                of_increment.take(&mut changes.of_increment);
             }
         }
     }
@@ -177,13 +251,13 @@ impl<K: Network> Blockwise<'_, K> {
     /// The residuals of a block.
     #[inline(always)]
     fn take_residuals<S: Simd>(&mut self, simd: S, nodes: &Nodes) {
-        let Self { equations, x: [red, black], r, sums, blocks, .. } = self;
-        let Blocks { of_block, changes, .. } = &mut **blocks;
+        let Self { equations, x: [red, black], first, r, sums, room, .. } = self;
+        let GroupRoom { of_block, changes, .. } = &mut **room;
         sums.take_charges(simd, equations, [red, black], nodes);
-        let (x, r) = (if nodes.colour == RED { red } else { black }, &mut r[nodes.colour]);
+        let (x, r) = (if nodes.colour == RED { red } else { black }, &mut *r[nodes.colour]);
         for (t, of_column) in of_block.iter_mut().enumerate() {
             let at = nodes.within(&equations.layout, t).start;
-            let (x, r) = (&x[at..at + BLOCK], &mut r[at..at + BLOCK]);
+            let (x, r) = (&x[at..at + BLOCK], &mut r[at - *first..][..BLOCK]);
             let [before, now] = &mut of_column.residual;
             of_column.potential = widened(x);
             before.copy_from_slice(r);
@@ -197,14 +271,14 @@ impl<K: Network> Blockwise<'_, K> {
     /// The charges of the last change, if they are to follow.
     #[inline(always)]
     fn take_charges<S: Simd>(&mut self, simd: S, nodes: &Nodes) {
-        let Self { equations, followed: Some(followed), sums, blocks, .. } = self else { return };
-        let Blocks { of_block, changes, .. } = &mut **blocks;
-        let Followed { fields: [red, black], charges, .. } = followed;
+        let Self { equations, first, followed: Some(followed), sums, room, .. } = self else { return };
+        let Followed { fields: [red, black], charges } = followed;
+        let GroupRoom { of_block, changes, .. } = &mut **room;
         sums.apply(simd, equations, [red, black], nodes);
-        let (d, q) = (if nodes.colour == RED { red } else { black }, &mut charges[nodes.colour]);
+        let (d, q) = (if nodes.colour == RED { red } else { black }, &mut *charges[nodes.colour]);
         for (t, of_column) in of_block.iter_mut().enumerate() {
             let at = nodes.within(&equations.layout, t).start;
-            let q = &mut q[at..at + BLOCK];
+            let q = &mut q[at - *first..][..BLOCK];
             let [before, now] = &mut of_column.charge;
             K::round(&mut of_column.increment, &d[at..at + BLOCK]);
             before.copy_from_slice(q);
