@@ -73,11 +73,14 @@ struct Room {
 }
 
 impl EdgesAnew {
-    /// None yet, for so many threads.
-    pub(super) fn start(&mut self, workers: &Workers) {
+    /// None yet, for so many threads. What was taken over before, of which nothing is left, lends its room to what will be.
+    pub(super) fn start(&mut self, workers: &Workers, before: &mut Taken) {
         let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
         self.rooms.resize_with(tasks, Room::default);
         self.asked.clear();
+        if let Some(first) = self.taken().next() {
+            std::mem::swap(first, before);
+        }
     }
 
     /// Has threads find out what becomes of the edges of a lattice in two sets, which are left empty, and take that over. Those

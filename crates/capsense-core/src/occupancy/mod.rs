@@ -336,7 +336,7 @@ impl Occupancy {
         let mut anew = std::mem::take(&mut self.scratch.edges_anew);
         let conductor = std::mem::take(&mut self.conductor);
         let sight = Sight { scene, wedges, walls: &walls, conductor: &conductor };
-        anew.start(workers);
+        anew.start(workers, &mut self.taken);
         let looks_at_all = scene.has_weak || scene.has_camera_walls;
         let (sets, frame) = ([edges.marked(), &mut around], self.scratch.frame);
         let mut unstructured = self.unstructured.take();

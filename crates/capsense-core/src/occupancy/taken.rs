@@ -96,12 +96,11 @@ impl Taken {
 
     /// Takes what was taken elsewhere, of edges that come after those here.
     pub(super) fn append(&mut self, other: &mut Self) {
-        if self.replaced.is_empty() {
-            std::mem::swap(&mut self.replaced, &mut other.replaced);
-        } else {
-            self.replaced.append(&mut other.replaced);
+        fn take<T>(to: &mut Vec<T>, from: &mut Vec<T>) {
+            if to.is_empty() { std::mem::swap(to, from) } else { to.append(from) }
         }
-        self.linked.append(&mut other.linked);
+        take(&mut self.replaced, &mut other.replaced);
+        take(&mut self.linked, &mut other.linked);
         self.links_lost |= std::mem::take(&mut other.links_lost);
     }
 }

@@ -51,7 +51,7 @@ use layout::{Coloured, Layout};
 use links::ObjectLinks;
 use parts::Parts;
 use potentials::Potentials;
-use refreshed::{Blocks, GROUPS, Refreshed};
+use refreshed::{Blocks, Refreshed};
 use relaxation::Room;
 use sums::PIECE;
 
@@ -122,7 +122,7 @@ impl LatticeSolver {
             columns,
             layout,
             of_nodes,
-            potentials: Potentials::double(of_nodes, &layout, parts.slabs.len().max(GROUPS)),
+            potentials: Potentials::double(of_nodes, &layout, Blocks::tasks(parts.slabs.len())),
             links: ObjectLinks::new(objects, columns),
             p: layout.zeros(),
             scale: vec![0.0; columns],
@@ -201,7 +201,7 @@ impl LatticeSolver {
     pub(crate) fn change_precision(&mut self, matrix: &StiffnessMatrix) {
         self.drop_increment();
         let (of_nodes, layout) = (self.of_nodes, self.layout);
-        let slabs = self.parts.slabs.len().max(GROUPS);
+        let slabs = Blocks::tasks(self.parts.slabs.len());
         let mut potentials = match self.potentials {
             Potentials::Double { .. } => Potentials::single(of_nodes, &layout, slabs),
             Potentials::Single { .. } => Potentials::double(of_nodes, &layout, slabs),

@@ -32,10 +32,10 @@ pub(super) struct Refreshed<'a> {
 }
 
 /// So many groups of planes have their sums each, whatever the threads that share them.
-pub(super) const GROUPS: usize = 8;
+const GROUPS: usize = 8;
 
 /// Fewer blocks are not worth a group.
-const BLOCKS_OF_A_GROUP: usize = 128;
+const BLOCKS_OF_A_GROUP: usize = 256;
 
 /// Blocks of nodes, and room for those of each group of planes.
 #[derive(Clone, Debug)]
@@ -79,20 +79,16 @@ impl Blocks {
     /// None, of nodes and vectors with such layouts.
     pub(super) fn new(of_nodes: &Layout, columns: usize) -> Self {
         let flags = || vec![false; of_nodes.len().div_ceil(BLOCK)];
-        let room = GroupRoom {
-            of_block: vec![OfColumn::default(); columns],
-            changes: Changes {
-                products: vec![Partial::default(); columns * columns],
-                residual: vec![Partial::default(); columns],
-                of_increment: increment::Sums::new(columns),
-            },
-            of_increment: increment::Sums::new(columns),
-        };
         Self {
             starts: vec![Vec::new(); of_nodes.counts[2]],
             is_listed: [flags(), flags()],
-            rooms: vec![room; GROUPS],
+            rooms: vec![GroupRoom::new(columns)],
         }
+    }
+
+    /// How many tasks need room for charges where threads share so many slabs.
+    pub(super) fn tasks(slabs: usize) -> usize {
+        if slabs == 1 { 1 } else { slabs.max(GROUPS) }
     }
 
     /// Lists the block that a node of plane k is in. Nodes in planes and rows that are fixed throughout are in none.
@@ -111,6 +107,8 @@ impl Blocks {
     /// Gives back the room that the first refresh took, in which every row changed.
     pub(super) fn settle(&mut self) {
         self.starts.fill(Vec::new());
+        self.rooms.truncate(1);
+        self.rooms.shrink_to_fit();
     }
 
     /// Forgets all blocks and changes.
@@ -122,6 +120,20 @@ impl Blocks {
         for GroupRoom { changes: Changes { products, residual, .. }, of_increment, .. } in &mut self.rooms {
             products.iter_mut().chain(residual).for_each(|sum| *sum = Partial::default());
             of_increment.clear();
+        }
+    }
+}
+
+impl GroupRoom {
+    fn new(columns: usize) -> Self {
+        Self {
+            of_block: vec![OfColumn::default(); columns],
+            changes: Changes {
+                products: vec![Partial::default(); columns * columns],
+                residual: vec![Partial::default(); columns],
+                of_increment: increment::Sums::new(columns),
+            },
+            of_increment: increment::Sums::new(columns),
         }
     }
 }
@@ -173,6 +185,10 @@ impl Blocks {
         let Self { starts, rooms, .. } = self;
         let all: usize = starts.iter().map(Vec::len).sum();
         let of_group = all.div_ceil(GROUPS).max(BLOCKS_OF_A_GROUP);
+        if let Some(columns) = rooms.first().map(|room| room.of_block.len()) {
+            let groups = all.div_ceil(of_group).max(rooms.len());
+            rooms.resize_with(groups, || GroupRoom::new(columns));
+        }
         let (starts, mut first) = (&*starts, 0);
         let groups = std::iter::from_fn(move || {
             let (mut count, mut end) = (0, first);
@@ -184,13 +200,16 @@ impl Blocks {
             (!planes.is_empty()).then_some(planes)
         });
         let mut r = r.each_mut().map(|r| &mut r[..]);
-        let tasks = groups.zip(rooms).zip(sums).map(move |((planes, room), sums)| {
+        let tasks = groups.zip(rooms).map(move |(planes, room)| {
             let places = places(&equations.layout, planes.clone());
             let followed = followed.as_mut().map(|followed| followed.cut_off(places.len()));
             let r = cut_off(&mut r, places.len());
-            Blockwise { equations, x, starts: &starts[planes], first: places.start, r, followed, sums, room }
+            BlocksOfGroup { equations, x, starts: &starts[planes], first: places.start, r, followed, room }
         });
-        workers.for_each(tasks, |task| arch.dispatch(task));
+        match sums {
+            [sums] => tasks.for_each(|of| arch.dispatch(Blockwise { of, sums: &mut *sums })),
+            _ => workers.for_each(tasks.zip(sums), |(of, sums)| arch.dispatch(Blockwise { of, sums })),
+        }
     }
 }
 
@@ -212,8 +231,15 @@ fn cut_off<'a>(of: &mut [&'a mut [f32]; 2], count: usize) -> [&'a mut [f32]; 2] 
     of.each_mut().map(|of| of.split_off_mut(..count).unwrap_or_default())
 }
 
-/// Residuals in the blocks of some planes, and by how much sums changed.
+/// Residuals in blocks, and by how much sums changed.
 struct Blockwise<'a, K: Network> {
+    of: BlocksOfGroup<'a, K>,
+    /// Room for charges.
+    sums: &'a mut Sums<K::Value>,
+}
+
+/// The blocks of some planes.
+struct BlocksOfGroup<'a, K: Network> {
     equations: &'a Equations<'a, K>,
     x: &'a Coloured<K::Value>,
     starts: &'a [Vec<StoredPlace>],
@@ -221,8 +247,6 @@ struct Blockwise<'a, K: Network> {
     first: usize,
     r: [&'a mut [f32]; 2],
     followed: Option<Followed<'a, K::Value>>,
-    /// Room for charges.
-    sums: &'a mut Sums<K::Value>,
     room: &'a mut GroupRoom,
 }
 
@@ -232,15 +256,15 @@ impl<K: Network> WithSimd for Blockwise<'_, K> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let few = PIECE / BLOCK;
-        for starts in self.starts.iter().flat_map(|starts| starts.chunks(few)) {
+        for starts in self.of.starts.iter().flat_map(|starts| starts.chunks(few)) {
             for start in starts {
                 let Place { colour, at, first } = start.get();
                 let nodes = Nodes { colour, places: at..at + BLOCK, first };
                 self.take_residuals(simd, &nodes);
                 self.take_charges(simd, &nodes);
             }
-            if self.followed.is_some() {
-                let GroupRoom { changes, of_increment, .. } = &mut *self.room;
+            if self.of.followed.is_some() {
+                let GroupRoom { changes, of_increment, .. } = &mut *self.of.room;
                 of_increment.take(&mut changes.of_increment);
             }
         }
@@ -251,7 +275,7 @@ impl<K: Network> Blockwise<'_, K> {
     /// The residuals of a block.
     #[inline(always)]
     fn take_residuals<S: Simd>(&mut self, simd: S, nodes: &Nodes) {
-        let Self { equations, x: [red, black], first, r, sums, room, .. } = self;
+        let Self { of: BlocksOfGroup { equations, x: [red, black], first, r, room, .. }, sums } = self;
         let GroupRoom { of_block, changes, .. } = &mut **room;
         sums.take_charges(simd, equations, [red, black], nodes);
         let (x, r) = (if nodes.colour == RED { red } else { black }, &mut *r[nodes.colour]);
@@ -271,7 +295,8 @@ impl<K: Network> Blockwise<'_, K> {
     /// The charges of the last change, if they are to follow.
     #[inline(always)]
     fn take_charges<S: Simd>(&mut self, simd: S, nodes: &Nodes) {
-        let Self { equations, first, followed: Some(followed), sums, room, .. } = self else { return };
+        let Self { of: BlocksOfGroup { equations, first, followed, room, .. }, sums } = self;
+        let Some(followed) = followed else { return };
         let Followed { fields: [red, black], charges } = followed;
         let GroupRoom { of_block, changes, .. } = &mut **room;
         sums.apply(simd, equations, [red, black], nodes);
