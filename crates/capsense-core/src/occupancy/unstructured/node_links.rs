@@ -29,6 +29,9 @@ const SAME: f64 = 1e-9;
 /// So many nodes keep a thread busy for ten times as long as it takes to hand them over.
 const NODES_OF_A_TASK: usize = 64;
 
+/// So many slabs for each thread, as nodes are closer to each other in some.
+const SLABS_OF_A_THREAD: usize = 4;
+
 /// The link of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct NodeLink {
@@ -77,6 +80,8 @@ pub(super) struct NodeLinks {
     /// Nodes to be looked at again in this frame, and what becomes of their links.
     pending: IndexList,
     found: Vec<NodeLink>,
+    /// Room for nodes that threads find near edges of conductors.
+    near: Vec<Vec<u32>>,
 }
 
 /// The edges of a node that end in conductors.
@@ -146,6 +151,7 @@ impl NodeLinks {
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
             pending: IndexList::below(nodes),
             found: Vec::new(),
+            near: Vec::new(),
         }
     }
 
@@ -158,20 +164,37 @@ impl NodeLinks {
         self.pending.insert(node);
     }
 
-    /// Notes the nodes that edges of conductors in some boxes are near.
-    fn look_around(&mut self, scene: &Scene<'_>, regions: &[Aabb]) {
+    /// Notes the nodes that edges of conductors in some boxes are near. Threads share the room around these.
+    fn look_around(&mut self, workers: &Workers, scene: &Scene<'_>, regions: &[Aabb]) {
         if regions.is_empty() {
             return;
         }
         let all = Aabb::around(regions.iter().flat_map(|region| [region.min, region.max]));
-        scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &grown(scene.mesh.edges, &all), |node| {
-            let (point, cells) = (scene.mesh.nodes[node], self.cells_at(scene, node));
-            let is_near =
-                |region: &Aabb| cells.cells_to(point.clamp(region.min, region.max)) < FAR_OFF_LATTICE;
-            if is_near(&all) && regions.iter().any(is_near) {
-                self.pending.insert(node);
-            }
+        let Aabb { min, max } = grown(scene.mesh.edges, &all);
+        let slabs = if workers.threads() == 1 { 1 } else { workers.threads() * SLABS_OF_A_THREAD };
+        let mut near = std::mem::take(&mut self.near);
+        near.resize_with(slabs, Vec::new);
+        let height = |slab: usize| min.z + (max.z - min.z) * (slab as f64 / slabs as f64);
+        let this = &*self;
+        workers.for_each(near.iter_mut().enumerate(), |(slab, near)| {
+            // A node between two is in both.
+            let top = if slab + 1 == slabs { max.z } else { height(slab + 1) };
+            let slab = Aabb { min: min.with_z(height(slab)), max: max.with_z(top) };
+            scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &slab, |node| {
+                let point = scene.mesh.nodes[node];
+                let reach = FAR_OFF_LATTICE * this.cell[node] * (1.0 + SAME);
+                let is_near = |region: &Aabb| {
+                    point.distance_squared(point.clamp(region.min, region.max)) <= reach * reach
+                };
+                if is_near(&all) && regions.iter().any(is_near) {
+                    near.push(node as u32);
+                }
+            });
         });
+        for node in near.iter_mut().flat_map(|near| near.drain(..)) {
+            self.pending.insert(node as usize);
+        }
+        self.near = near;
     }
 }
 
@@ -184,7 +207,7 @@ impl Unstructured {
         around_edges: &[Aabb],
         conductors: &[u16],
     ) {
-        self.links.look_around(scene, around_edges);
+        self.links.look_around(workers, scene, around_edges);
         for &edge in self.pending.numbers() {
             // How little links may be depends on all edges of elements.
             self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.insert(node));
