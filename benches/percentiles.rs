@@ -2,6 +2,8 @@
 //! which a mean, as the bench `frame` tells it, does not show.
 //!
 //! Prints the 10th, 50th and 90th percentile and the mean in milliseconds, of whole ways of the bar there and back, C to 1e-4.
+//! Bars are seen by a depth camera, those of rows named `-solid` are exact solids. What two threads gain depends on how far apart
+//! their cores are, so it is told before each size how long a word takes from one to the other.
 //! `CAPSENSE_BENCH_LARGE=1` adds meshes of more than 300,000 tetrahedra; arguments are names of rows to be measured alone.
 
 #![allow(clippy::unwrap_used, missing_docs)]
@@ -12,7 +14,9 @@ use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::mesh::Lattice;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
-use common::{Motion, design, is_large, is_test, on_lattice, on_tetrahedra, solver_options};
+use capsense_core::solids::Solids;
+use common::{BAR, Motion, design, is_large, is_test, on_lattice, on_tetrahedra, solver_options};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
 const GROUNDED: Material = Material::Conductor(Connection::Grounded);
@@ -28,14 +32,32 @@ const WAYS: usize = 2;
 /// How sensors are made of lattices.
 type Build = fn(&Lattice) -> Sensor;
 
+/// Words from one thread to another and back.
+const WORDS: u32 = 100_000;
+
+/// What is measured.
+#[derive(Clone, Copy)]
+struct Row {
+    name: &'static str,
+    build: Build,
+    material: Material,
+    is_exact: bool,
+}
+
 /// The milliseconds of each frame, in increasing order.
-fn milliseconds(simulator: &mut Simulator, motion: &mut Motion, ways: usize) -> Vec<f64> {
+fn milliseconds(simulator: &mut Simulator, motion: &mut Motion, is_exact: bool, ways: usize) -> Vec<f64> {
     let frames = motion.len();
+    let mut solids = Solids::new(&[BAR]).unwrap();
     let mut took: Vec<f64> = (0..(ways + 1) * frames)
         .map(|_| {
             let depth = motion.next();
             let start = Instant::now();
-            let _ = simulator.step(depth).unwrap();
+            let _ = if is_exact {
+                solids.place(&[motion.pose()]).unwrap();
+                simulator.step(&solids).unwrap()
+            } else {
+                simulator.step(depth).unwrap()
+            };
             1e3 * start.elapsed().as_secs_f64()
         })
         .skip(frames)
@@ -44,20 +66,41 @@ fn milliseconds(simulator: &mut Simulator, motion: &mut Motion, ways: usize) -> 
     took
 }
 
-fn measure(name: &str, size: usize, (build, material): (Build, Material), wanted: &[String]) {
+/// Nanoseconds that a word takes from one thread to another.
+fn nanoseconds_between_threads() -> f64 {
+    let word = AtomicU32::new(0);
+    let pass_on = |mine: u32| {
+        for round in 0..WORDS {
+            while word.load(Ordering::Acquire) != 2 * round + mine {
+                std::hint::spin_loop();
+            }
+            word.store(2 * round + mine + 1, Ordering::Release);
+        }
+    };
+    let start = Instant::now();
+    std::thread::scope(|scope| {
+        scope.spawn(|| pass_on(1));
+        pass_on(0);
+    });
+    1e9 * start.elapsed().as_secs_f64() / f64::from(2 * WORDS)
+}
+
+fn measure(row: Row, size: usize, wanted: &[String]) {
+    let Row { name, build, material, is_exact } = row;
     if !wanted.is_empty() && !wanted.iter().any(|wanted| wanted == name) {
         return;
     }
+    println!("a word between threads: {:.0} ns", nanoseconds_between_threads());
     let lattice = design().lattice(size).unwrap();
     for threads in [Some(1), None] {
         let mut simulator = Simulator::new(build(&lattice), vec![material], solver_options(threads)).unwrap();
         for mut motion in Motion::all() {
-            let took = milliseconds(&mut simulator, &mut motion, if is_test() { 1 } else { WAYS });
+            let took = milliseconds(&mut simulator, &mut motion, is_exact, if is_test() { 1 } else { WAYS });
             let at = |part: f64| took[(part * (took.len() - 1) as f64).round() as usize];
             let mean = took.iter().sum::<f64>() / took.len() as f64;
             let threads = threads.map_or("all".to_owned(), |count| count.to_string());
             println!(
-                "{name:<12} {:>9} {threads:>7} {:<9} {:>7.3} {:>7.3} {:>7.3} {mean:>7.3}",
+                "{name:<13} {:>8} {threads:>7} {:<9} {:>7.3} {:>7.3} {:>7.3} {mean:>7.3}",
                 lattice.tet_count(),
                 motion.name,
                 at(0.1),
@@ -78,12 +121,14 @@ fn main() {
     };
     let glass = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
     println!("method            tets threads motion        10%     50%     90%    mean");
-    for size in LATTICES.into_iter().filter(|size| *size <= largest) {
-        measure("lattice", size, (on_lattice, GROUNDED), &wanted);
-        measure("lattice-80", size, (on_lattice, glass), &wanted);
-    }
-    for size in MESHES.into_iter().filter(|size| *size <= largest) {
-        measure("csr", size, (on_tetrahedra, GROUNDED), &wanted);
-        measure("csr-80", size, (on_tetrahedra, glass), &wanted);
-    }
+    let rows = |sizes: &[usize], build: Build, [conductor, exact, glassy]: [&'static str; 3]| {
+        for &size in sizes.iter().filter(|size| **size <= largest) {
+            let row = Row { name: conductor, build, material: GROUNDED, is_exact: false };
+            measure(row, size, &wanted);
+            measure(Row { name: exact, is_exact: true, ..row }, size, &wanted);
+            measure(Row { name: glassy, material: glass, ..row }, size, &wanted);
+        }
+    };
+    rows(&LATTICES, on_lattice, ["lattice", "lattice-solid", "lattice-80"]);
+    rows(&MESHES, on_tetrahedra, ["csr", "csr-solid", "csr-80"]);
 }

@@ -95,9 +95,10 @@ pub fn on_tetrahedra(lattice: &Lattice) -> Sensor {
     on_lattice(lattice).off_lattice()
 }
 
-/// The bar's depth images on a way there and back, 1 mm a frame, without end.
+/// The bar's poses and depth images on a way there and back, 1 mm a frame, without end.
 pub struct Motion {
     pub name: &'static str,
+    poses: Vec<Pose>,
     images: Vec<DepthLayers>,
     next: usize,
 }
@@ -119,16 +120,17 @@ impl Motion {
     /// The way of 100 mm whose point after so many metres is `centre`.
     fn new(name: &'static str, shape: &Shape, centre: impl Fn(f64) -> DVec3) -> Self {
         let mut renderer = DepthRenderer::new(Backend::Cpu, VIEW, std::slice::from_ref(shape)).unwrap();
-        let images = (0..=100).chain((1..100).rev()).map(|millimetres| {
+        let pose = |millimetres| Pose {
+            rotation: DQuat::from_rotation_z(YAW),
+            ..Pose::at(centre(1e-3 * f64::from(millimetres)))
+        };
+        let poses: Vec<Pose> = (0..=100).chain((1..100).rev()).map(pose).collect();
+        let images = poses.iter().map(|pose| {
             let mut depth = DepthLayers::empty(VIEW, 1);
-            let pose = Pose {
-                rotation: DQuat::from_rotation_z(YAW),
-                ..Pose::at(centre(1e-3 * f64::from(millimetres)))
-            };
-            renderer.render(&[pose], &mut depth).unwrap();
+            renderer.render(std::slice::from_ref(pose), &mut depth).unwrap();
             depth
         });
-        Self { name, images: images.collect(), next: 0 }
+        Self { name, images: images.collect(), poses, next: 0 }
     }
 
     /// Frames on the whole way there and back.
@@ -139,5 +141,10 @@ impl Motion {
     pub fn next(&mut self) -> &DepthLayers {
         self.next = (self.next + 1) % self.images.len();
         &self.images[self.next]
+    }
+
+    /// The pose in the image told last.
+    pub fn pose(&self) -> Pose {
+        self.poses[self.next]
     }
 }

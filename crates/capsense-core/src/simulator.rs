@@ -197,7 +197,6 @@ impl Simulator {
                 known: self.materials.len(),
             });
         }
-        let _awake = self.fields.wake();
         let mesh = EdgeGeometry {
             nodes: self.sensor.mesh().nodes(),
             terminals: self.sensor.owners(),

@@ -74,6 +74,11 @@ impl Workers {
         self.team.as_ref().map_or(1, |team| 1 + team.pool.current_num_threads())
     }
 
+    /// Into how many tasks work is cut, so many for each thread; one where a single thread does it all.
+    pub(crate) fn tasks(&self, of_thread: usize) -> usize {
+        if self.threads() == 1 { 1 } else { self.threads() * of_thread }
+    }
+
     /// Wakes the helpers, without waiting for them.
     pub(crate) fn wake(&self) -> Awake {
         if let Some(Team { pool, attendance }) = self.team.as_deref()

@@ -4,8 +4,8 @@ use super::camera_wall::CameraWalls;
 use super::coupling::{Coupling, EdgeRule};
 use super::index_set::IndexSet;
 use super::near_field::{Row, Wedges};
+use super::replaced::{KnownEdges, Replaced};
 use super::scene::Scene;
-use super::taken::{Known, Taken};
 use super::unstructured::{HeldEdge, Unstructured};
 use super::{Contact, Filled, NO_OBJECT, Span};
 use crate::instructions::vectorised;
@@ -61,7 +61,7 @@ pub(super) struct Sight<'a> {
 /// Storage for one task.
 #[derive(Clone, Debug, Default)]
 struct Room {
-    taken: Taken,
+    replaced: Replaced,
     /// Objects that the edge at hand passes through.
     spans: Vec<(u16, Span)>,
     /// The same for lines parallel to it.
@@ -73,50 +73,44 @@ struct Room {
 }
 
 impl EdgesAnew {
-    /// None yet, for so many threads. What was taken over before, of which nothing is left, lends its room to what will be.
-    pub(super) fn start(&mut self, workers: &Workers, before: &mut Taken) {
-        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+    /// None yet, for so many threads. `before` is empty and lends its room to what will be replaced.
+    pub(super) fn start(&mut self, workers: &Workers, before: &mut Replaced) {
+        let tasks = workers.tasks(TASKS_OF_A_THREAD);
         self.rooms.resize_with(tasks, Room::default);
         self.asked.clear();
-        if let Some(first) = self.taken().next() {
+        if let Some(first) = self.replaced().next() {
             std::mem::swap(first, before);
         }
     }
 
     /// Has threads find out what becomes of the edges of a lattice in two sets, which are left empty, and take that over. Those
-    /// only in the second are cut as before, if an object meets them not, unless `looks_at_all`.
+    /// only in the second may be cut as before.
     pub(super) fn take_all(
         &mut self,
         workers: &Workers,
         sight: Sight<'_>,
         sets: [&mut IndexSet; 2],
-        mut known: Known<'_>,
-        (frame, looks_at_all): (u8, bool),
+        mut known: KnownEdges<'_>,
     ) {
         let parts = IndexSet::cut(sets, self.rooms.len());
         let tasks =
             parts.zip(&mut self.rooms).map(move |(part, room)| (known.split_to(part.end()), part, room));
         workers.for_each(tasks, |(mut known, part, room)| {
-            let mut taken = std::mem::take(&mut room.taken);
+            let mut replaced = std::mem::take(&mut room.replaced);
             part.drain(|edge, is_marked| {
-                let is_cut_anew = is_marked || looks_at_all || known.is_met(edge);
+                let is_cut_anew = is_marked || sight.cuts_anew(&known, edge);
                 if !is_cut_anew && let Some((ends, coupling)) = sight.link_alone(edge) {
-                    return known.couple(edge, ends, coupling, &mut taken);
+                    return known.couple(edge, ends, coupling, &mut replaced);
                 }
                 let Found { ends, coupling, is_met, .. } =
                     room.look(sight, Asked { edge: edge as u32, is_cut_anew });
                 if is_cut_anew {
-                    known.see(edge, frame, is_met);
+                    known.see(edge, is_met);
                 }
-                known.couple(edge, ends, coupling, &mut taken);
+                known.couple(edge, ends, coupling, &mut replaced);
             });
-            room.taken = taken;
+            room.replaced = replaced;
         });
-    }
-
-    /// What was taken over, to be emptied, in the order of the edges.
-    pub(super) fn taken(&mut self) -> impl Iterator<Item = &mut Taken> {
-        self.rooms.iter_mut().map(|room| &mut room.taken)
     }
 
     /// The same of a mesh where more than an edge tells what becomes of it, which is told what the edge rule makes of each.
@@ -125,21 +119,20 @@ impl EdgesAnew {
         workers: &Workers,
         sight: Sight<'_>,
         [marked, around]: [&mut IndexSet; 2],
-        mut known: Known<'_>,
-        (frame, looks_at_all): (u8, bool),
+        mut known: KnownEdges<'_>,
         unstructured: &mut Unstructured,
     ) {
-        let mut tell = |known: &mut Known<'_>, (asked, found): (Asked, Found)| {
+        let mut tell = |known: &mut KnownEdges<'_>, (asked, found): (Asked, Found)| {
             let (edge, Found { ends, coupling, filled, is_met }) = (asked.edge as usize, found);
             if asked.is_cut_anew {
-                known.see(edge, frame, is_met);
+                known.see(edge, is_met);
                 unstructured.fill(edge, filled);
             }
             let held = HeldEdge::of(edge, ends, sight.conductor);
             unstructured.take(held, ends, known.is_moved(ends), coupling);
         };
         marked.drain_with(around, |edge, is_marked| {
-            let is_cut_anew = is_marked || looks_at_all || known.is_met(edge);
+            let is_cut_anew = is_marked || sight.cuts_anew(&known, edge);
             let asked = Asked { edge: edge as u32, is_cut_anew };
             // A single thread takes each edge over as it comes.
             if let [room] = &mut self.rooms[..] {
@@ -153,6 +146,11 @@ impl EdgesAnew {
         });
         self.find(workers, sight);
         self.told().for_each(|told| tell(&mut known, told));
+    }
+
+    /// What was replaced of edges that were taken over, to be emptied, in their order.
+    pub(super) fn replaced(&mut self) -> impl Iterator<Item = &mut Replaced> {
+        self.rooms.iter_mut().map(|room| &mut room.replaced)
     }
 
     /// Finds out what becomes of all edges that are kept.
@@ -176,6 +174,12 @@ impl EdgesAnew {
 }
 
 impl Sight<'_> {
+    /// Whether surfaces may cut an edge another way than before though only what is around it differs.
+    #[inline]
+    fn cuts_anew(&self, known: &KnownEdges<'_>, edge: usize) -> bool {
+        self.scene.has_weak || self.scene.has_camera_walls || known.is_met(edge)
+    }
+
     /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries.
     #[inline]
     fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {

@@ -75,7 +75,7 @@ impl EdgesNear {
         regions: &[Aabb],
         mark: impl Fn(usize, &Aabb, &mut IndexSet) + Sync,
     ) {
-        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+        let tasks = workers.tasks(TASKS_OF_A_THREAD);
         self.others.resize_with(tasks - 1, || IndexSet::below(self.edges));
         let size = regions.len().div_ceil(tasks).max(REGIONS_OF_A_TASK);
         let sets = std::iter::once(&mut self.marked).chain(&mut self.others);

@@ -338,7 +338,7 @@ impl Occupancy {
         let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = |node: u32| self.scratch.node_changed[node as usize];
         if !coupling.is(&before) || edges.ends_of_existing(edge).into_iter().any(moved) {
-            self.taken.replaced.push((edge as u32, before));
+            self.replaced.couplings.push((edge as u32, before));
         }
     }
 }

@@ -20,11 +20,11 @@ mod interface;
 mod near_field;
 mod parallel;
 mod pixel_row;
+mod replaced;
 mod scene;
 mod silhouette;
 mod sorted;
 mod surfaces;
-mod taken;
 mod unresolved;
 mod unstructured;
 
@@ -51,9 +51,9 @@ use filled::Filled;
 use glam::DVec3;
 use index_set::IndexSet;
 use near_field::Wedges;
+use replaced::{KnownEdges, Replaced};
 use scene::Scene;
 use sorted::SortedList;
-use taken::{Known, Taken};
 use unstructured::Unstructured;
 pub(crate) use unstructured::may_be_immersed;
 
@@ -92,8 +92,8 @@ pub struct Occupancy {
     couplings: Vec<Coupling>,
     linked_edges: SortedList<u32>,
     changed_edges: Vec<u32>,
-    /// Of the edges that changed, in the same order.
-    taken: Taken,
+    /// What is replaced of these, in the same order.
+    replaced: Replaced,
     changed_nodes: Vec<u32>,
     touches: SortedList<Touch>,
     contacts: Vec<Contact>,
@@ -159,7 +159,7 @@ impl Occupancy {
             couplings: vec![Coupling::PLAIN; edges],
             linked_edges: SortedList::new(),
             changed_edges: Vec::new(),
-            taken: Taken::default(),
+            replaced: Replaced::default(),
             changed_nodes: Vec::new(),
             touches: SortedList::new(),
             contacts: Vec::new(),
@@ -275,11 +275,11 @@ impl Occupancy {
         }
         self.update_unstructured(workers, &scene, changes.around_edges());
         self.changes = changes;
-        self.taken.replaced.sort_unstable_by_key(|(edge, _)| *edge);
-        self.changed_edges.extend(self.taken.replaced.iter().map(|(edge, _)| *edge));
+        self.replaced.couplings.sort_unstable_by_key(|(edge, _)| *edge);
+        self.changed_edges.extend(self.replaced.couplings.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();
-        self.taken.linked.drain(..).for_each(|edge| self.linked_edges.add(edge));
-        if self.taken.links_lost || self.linked_edges.grows() {
+        self.replaced.linked.drain(..).for_each(|edge| self.linked_edges.add(edge));
+        if self.replaced.links_lost || self.linked_edges.grows() {
             let couplings = &self.couplings;
             self.linked_edges.merge(|&edge| couplings[edge as usize].is_linked());
         }
@@ -300,7 +300,7 @@ impl Occupancy {
         }
         self.changed_nodes.clear();
         self.changed_edges.clear();
-        self.taken.clear();
+        self.replaced.clear();
     }
 
     fn set_holder(&mut self, node: usize, holder: u16) {
@@ -336,18 +336,15 @@ impl Occupancy {
         let mut anew = std::mem::take(&mut self.scratch.edges_anew);
         let conductor = std::mem::take(&mut self.conductor);
         let sight = Sight { scene, wedges, walls: &walls, conductor: &conductor };
-        anew.start(workers, &mut self.taken);
-        let looks_at_all = scene.has_weak || scene.has_camera_walls;
-        let (sets, frame) = ([edges.marked(), &mut around], self.scratch.frame);
+        anew.start(workers, &mut self.replaced);
+        let sets = [edges.marked(), &mut around];
         let mut unstructured = self.unstructured.take();
         match &mut unstructured {
-            Some(unstructured) => {
-                anew.tell_all(workers, sight, sets, self.known().0, (frame, looks_at_all), unstructured);
-            }
-            None => anew.take_all(workers, sight, sets, self.known().0, (frame, looks_at_all)),
+            Some(unstructured) => anew.tell_all(workers, sight, sets, self.known().0, unstructured),
+            None => anew.take_all(workers, sight, sets, self.known().0),
         }
         self.unstructured = unstructured;
-        anew.taken().for_each(|taken| self.taken.append(taken));
+        anew.replaced().for_each(|replaced| self.replaced.append(replaced));
         for (edge, contact) in anew.contacts() {
             self.touches.add(Touch { place: edge, contact });
         }
@@ -356,18 +353,19 @@ impl Occupancy {
         self.camera_walls = walls;
     }
 
-    /// What is known of all edges, and what was taken over.
-    fn known(&mut self) -> (Known<'_>, &mut Taken) {
-        let Scratch { is_met, is_plain, edge_seen, node_changed, .. } = &mut self.scratch;
-        let known = Known {
+    /// What is known of all edges, and what was replaced.
+    fn known(&mut self) -> (KnownEdges<'_>, &mut Replaced) {
+        let Scratch { is_met, is_plain, edge_seen, node_changed, frame, .. } = &mut self.scratch;
+        let known = KnownEdges {
             first: 0,
             couplings: &mut self.couplings,
             is_met,
             is_plain,
             seen: edge_seen,
             moved: (!self.changed_nodes.is_empty()).then_some(node_changed),
+            frame: *frame,
         };
-        (known, &mut self.taken)
+        (known, &mut self.replaced)
     }
 
     /// Contacts last where no edge, or no element, was looked at again.
@@ -433,7 +431,7 @@ impl Occupancy {
 
     /// The same with the couplings that they had.
     pub(crate) fn replaced_couplings(&self) -> &[(u32, Coupling)] {
-        &self.taken.replaced
+        &self.replaced.couplings
     }
 
     /// Nodes that belong to another conductor, or none, than in the frame before, in increasing order.

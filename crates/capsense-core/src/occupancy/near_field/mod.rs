@@ -179,7 +179,7 @@ impl Wedges {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
-        let tasks = if workers.threads() == 1 { 1 } else { workers.threads() * TASKS_OF_A_THREAD };
+        let tasks = workers.tasks(TASKS_OF_A_THREAD);
         rooms.resize_with(tasks, Room::default);
         let look = Look { scene, stars, conductors };
         let (mut first, mut rest) = (0, &mut at[..]);

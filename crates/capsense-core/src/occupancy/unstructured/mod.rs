@@ -166,12 +166,12 @@ impl Occupancy {
         unstructured.update_links(workers, scene, around_edges, &self.conductor);
         unstructured.update_immersed(workers, scene);
         let conductor = std::mem::take(&mut self.conductor);
-        let (mut known, taken) = self.known();
+        let (mut known, replaced) = self.known();
         for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;
             let ends = scene.mesh.edges.ends_of_existing(edge);
             let held = HeldEdge::of(edge, ends, &conductor);
-            known.couple(edge, ends, unstructured.coupling(held, ends), taken);
+            known.couple(edge, ends, unstructured.coupling(held, ends), replaced);
         }
         unstructured.pending.clear();
         self.conductor = conductor;

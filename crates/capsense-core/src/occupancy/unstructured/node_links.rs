@@ -26,6 +26,9 @@ use glam::DVec3;
 /// Permittivities differ by less than this part of them where they are the same but for rounding.
 const SAME: f64 = 1e-9;
 
+/// No length is off by more than this part of it for rounding.
+const OF_ROUNDING: f64 = 1e-9;
+
 /// So many nodes keep a thread busy for ten times as long as it takes to hand them over.
 const NODES_OF_A_TASK: usize = 64;
 
@@ -171,7 +174,7 @@ impl NodeLinks {
         }
         let all = Aabb::around(regions.iter().flat_map(|region| [region.min, region.max]));
         let Aabb { min, max } = grown(scene.mesh.edges, &all);
-        let slabs = if workers.threads() == 1 { 1 } else { workers.threads() * SLABS_OF_A_THREAD };
+        let slabs = workers.tasks(SLABS_OF_A_THREAD);
         let mut near = std::mem::take(&mut self.near);
         near.resize_with(slabs, Vec::new);
         let height = |slab: usize| min.z + (max.z - min.z) * (slab as f64 / slabs as f64);
@@ -182,7 +185,8 @@ impl NodeLinks {
             let slab = Aabb { min: min.with_z(height(slab)), max: max.with_z(top) };
             scene.mesh.edges.for_nodes_near(scene.mesh.nodes, &slab, |node| {
                 let point = scene.mesh.nodes[node];
-                let reach = FAR_OFF_LATTICE * this.cell[node] * (1.0 + SAME);
+                // Somewhat more than [`CellsAround::cells_to`] would have, which rounds otherwise: nodes may be looked at in vain.
+                let reach = (1.0 + OF_ROUNDING) * FAR_OFF_LATTICE * this.cell[node];
                 let is_near = |region: &Aabb| {
                     point.distance_squared(point.clamp(region.min, region.max)) <= reach * reach
                 };

@@ -1,9 +1,9 @@
-//! What edges were and are: what a frame makes of them is taken over, by threads that share the edges if need be.
+//! What is known of edges, and what a frame replaces of it, by threads that share the edges if need be.
 
 use super::coupling::Coupling;
 
 /// What is known of successive edges.
-pub(super) struct Known<'a> {
+pub(super) struct KnownEdges<'a> {
     /// The first of these edges.
     pub(super) first: usize,
     pub(super) couplings: &'a mut [Coupling],
@@ -15,35 +15,38 @@ pub(super) struct Known<'a> {
     pub(super) seen: &'a mut [u8],
     /// Whether a conductor took or left each node of the mesh in this frame, if one did.
     pub(super) moved: Option<&'a [bool]>,
+    /// Number of this frame.
+    pub(super) frame: u8,
 }
 
-/// What was taken over in a frame.
+/// What a frame replaced.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Taken {
+pub(super) struct Replaced {
     /// Edges that are not what they were, or at whose end a node moved, with their couplings before.
-    pub(super) replaced: Vec<(u32, Coupling)>,
+    pub(super) couplings: Vec<(u32, Coupling)>,
     /// Edges that have links and had none.
     pub(super) linked: Vec<u32>,
     /// Whether an edge had a link and has none now.
     pub(super) links_lost: bool,
 }
 
-impl<'a> Known<'a> {
+impl<'a> KnownEdges<'a> {
     /// Takes off what is known of the edges below one.
-    pub(super) fn split_to(&mut self, end: usize) -> Known<'a> {
+    pub(super) fn split_to(&mut self, end: usize) -> KnownEdges<'a> {
         fn take<'a, T>(from: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             from.split_off_mut(..count).unwrap_or_default()
         }
-        let (first, moved) = (self.first, self.moved);
+        let (first, moved, frame) = (self.first, self.moved, self.frame);
         let count = (end - first).min(self.couplings.len());
         self.first += count;
-        Known {
+        KnownEdges {
             first,
             couplings: take(&mut self.couplings, count),
             is_met: take(&mut self.is_met, count),
             is_plain: take(&mut self.is_plain, count),
             seen: take(&mut self.seen, count),
             moved,
+            frame,
         }
     }
 
@@ -53,10 +56,10 @@ impl<'a> Known<'a> {
         self.is_met[edge - self.first]
     }
 
-    /// Notes that an edge was looked at in a frame, and whether an object meets it.
+    /// Notes that an edge was looked at in this frame, and whether an object meets it.
     #[inline]
-    pub(super) fn see(&mut self, edge: usize, frame: u8, is_met: bool) {
-        self.seen[edge - self.first] = frame;
+    pub(super) fn see(&mut self, edge: usize, is_met: bool) {
+        self.seen[edge - self.first] = self.frame;
         self.is_met[edge - self.first] = is_met;
     }
 
@@ -68,38 +71,44 @@ impl<'a> Known<'a> {
 
     /// Couples an edge.
     #[inline]
-    pub(super) fn couple(&mut self, edge: usize, ends: [u32; 2], coupling: Coupling, taken: &mut Taken) {
+    pub(super) fn couple(
+        &mut self,
+        edge: usize,
+        ends: [u32; 2],
+        coupling: Coupling,
+        replaced: &mut Replaced,
+    ) {
         if coupling.is(&self.couplings[edge - self.first]) {
             if self.is_moved(ends) {
-                taken.replaced.push((edge as u32, coupling));
+                replaced.couplings.push((edge as u32, coupling));
             }
             return;
         }
         let before = std::mem::replace(&mut self.couplings[edge - self.first], coupling);
-        taken.replaced.push((edge as u32, before));
+        replaced.couplings.push((edge as u32, before));
         self.is_plain[edge - self.first] = coupling.is(&Coupling::PLAIN);
         match (before.is_linked(), coupling.is_linked()) {
-            (false, true) => taken.linked.push(edge as u32),
-            (true, false) => taken.links_lost = true,
+            (false, true) => replaced.linked.push(edge as u32),
+            (true, false) => replaced.links_lost = true,
             _ => (),
         }
     }
 }
 
-impl Taken {
+impl Replaced {
     /// Nothing.
     pub(super) fn clear(&mut self) {
-        self.replaced.clear();
+        self.couplings.clear();
         self.linked.clear();
         self.links_lost = false;
     }
 
-    /// Takes what was taken elsewhere, of edges that come after those here.
+    /// Takes over what was replaced elsewhere, of edges that come after those here.
     pub(super) fn append(&mut self, other: &mut Self) {
         fn take<T>(to: &mut Vec<T>, from: &mut Vec<T>) {
             if to.is_empty() { std::mem::swap(to, from) } else { to.append(from) }
         }
-        take(&mut self.replaced, &mut other.replaced);
+        take(&mut self.couplings, &mut other.couplings);
         take(&mut self.linked, &mut other.linked);
         self.links_lost |= std::mem::take(&mut other.links_lost);
     }
