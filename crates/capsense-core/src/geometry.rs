@@ -40,7 +40,7 @@ impl Aabb {
     }
 
     /// Whether two boxes have a point in common.
-    #[inline]
+    #[inline(always)]
     pub fn intersects(&self, other: &Self) -> bool {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }

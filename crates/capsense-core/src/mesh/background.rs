@@ -29,7 +29,7 @@ impl Background {
     ///
     /// # Panics
     /// When there is no such place.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, index: usize) -> f64 {
         assert!(index < self.count, "place {index} of {}", self.count);
         if let [of_all] = *self.values { of_all } else { self.values[index] }

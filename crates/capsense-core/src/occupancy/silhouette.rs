@@ -341,7 +341,11 @@ impl Scene<'_> {
                     return cut;
                 }
                 others.clear();
-                others.extend(on_edge.iter().filter(|(object, _)| !self.is_conductor(usize::from(*object))));
+                // Mostly there is none, and the look for them is a call.
+                if on_edge.len() > 1 {
+                    let is_other = |(object, _): &&(u16, Span)| !self.is_conductor(usize::from(*object));
+                    others.extend(on_edge.iter().filter(is_other));
+                }
                 let background = self.mesh.permittivity.at(edge);
                 let rule =
                     EdgeRule { owners: [NO_OBJECT; 2], spans: others, materials: self.materials, background };

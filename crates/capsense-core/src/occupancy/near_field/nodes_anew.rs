@@ -141,7 +141,7 @@ impl NodesAnew<'_> {
     }
 
     /// Notes what a node makes of edges of conductors, and what of that is new.
-    #[inline]
+    #[inline(always)]
     fn settle(&mut self, node: usize, sides: u8, now: AtWedge) {
         let before = std::mem::replace(&mut self.at[node - self.first], now);
         let has_same_share = before.has_share_of(&now);

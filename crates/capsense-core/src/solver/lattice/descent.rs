@@ -132,7 +132,7 @@ impl Descent {
         for (index, &t) in active.iter().enumerate() {
             let b = right_hand_side(simd, level, [RED, t, k], &mut self.b);
             stencil.scale(simd, &mut red[places.of(t)], b);
-            for &s in &active[..=index] {
+            for &s in active.iter().take(index + 1) {
                 self.gains.add(simd, [k, s, t], &red[places.of(s)], b);
             }
         }
@@ -152,7 +152,7 @@ impl Descent {
             let around = around(&self.layout, &self.red, &self.zeros, (BLACK + k) % 2, &places.of(t), k);
             let charges = &mut self.charges[..b.len()];
             stencil.relax_with_charges(simd, &mut black[places.of(t)], charges, b, around);
-            for &s in &active[..=index] {
+            for &s in active.iter().take(index + 1) {
                 self.gains.add(simd, [k, s, t], &black[places.of(s)], charges);
             }
         }

@@ -114,8 +114,9 @@ impl Pairs {
         let next = [&shares.previous[BLOCK..][..n], &self.behind[own..own + n]];
         let previous = [&shares.next[BLOCK - 1..][..n], &self.behind[own - 1..own - 1 + n]];
         let (even, odd) = (&mut even[..n / 2], &mut odd[..n / 2]);
-        for (number, (even, odd)) in even.chunks_exact_mut(BLOCK).zip(odd.chunks_exact_mut(BLOCK)).enumerate()
-        {
+        // As arrays: chunks of two slices at once would be a call, with two divisions.
+        let blocks = even.as_chunks_mut::<BLOCK>().0.iter_mut().zip(odd.as_chunks_mut::<BLOCK>().0);
+        for (number, (even, odd)) in blocks.enumerate() {
             let (here, mut sums) = (number * 2 * BLOCK..(number + 1) * 2 * BLOCK, [0.0; 2 * BLOCK]);
             let next = [&next[0][here.clone()], &next[1][here.clone()]];
             let previous = [&previous[0][here.clone()], &previous[1][here.clone()]];
