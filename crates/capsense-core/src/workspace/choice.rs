@@ -1,7 +1,8 @@
 //! The smallest mesh whose estimated error of ΔC is below a tolerance.
 //!
 //! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
-//! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others.
+//! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others. Between
+//! the first that is exact enough and the one before, smaller ones are looked for by halves.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
 use super::{Change, Probed, Probes};
@@ -32,6 +33,9 @@ const ORDER: f64 = -2.0 / 3.0;
 /// The size first tried in parts of the one foreseen, and by which factor sizes follow each other.
 const TRIED_FIRST: f64 = 0.125;
 const TRIED_NEXT: f64 = 1.189_207_115_002_721;
+
+/// How often what is between the size found and the one before is halved.
+const HALVINGS: usize = 3;
 
 /// The smallest size, as a power of the latter from the first lattice: a quarter of it.
 const LEAST_STEP: f64 = -8.0;
@@ -243,10 +247,30 @@ impl Search<'_> {
                 break;
             }
             if let Some(choice) = self.exact_enough(allowed, reference)? {
-                return Ok(Some(choice));
+                let before = allowed as f64 / TRIED_NEXT;
+                return self.smallest_from(before as usize, choice, reference).map(Some);
             }
         }
         Ok(None)
+    }
+
+    /// A smaller mesh than the one that was found, if there is one between it and a size that is too small.
+    fn smallest_from(
+        &mut self,
+        mut too_small: usize,
+        mut found: MeshChoice,
+        reference: &Rung,
+    ) -> Result<MeshChoice, WorkspaceError> {
+        for _ in 0..HALVINGS {
+            let middle = usize::midpoint(too_small, found.allowed);
+            // The same mesh may be what a smaller number allows.
+            let most = found.sensor.mesh().tets().len();
+            match self.exact_enough(middle.min(most - 1), reference)? {
+                Some(smaller) => found = smaller,
+                None => too_small = middle.min(most - 1),
+            }
+        }
+        Ok(found)
     }
 
     /// A mesh of at most so many tetrahedra, if it is exact enough; places are looked at until it is not.
