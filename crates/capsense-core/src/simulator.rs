@@ -404,6 +404,9 @@ pub(crate) fn nothing_there(
     // A single conductor alone scales no weights.
     let are_scaled = has_dielectrics || materials.len() > 1;
     let mut occupancy = occupancy.with_weights(mesh, network.edges(), network.weights(), are_scaled);
+    if sensor.open_wall().is_some() {
+        occupancy = occupancy.with_open_wall();
+    }
     if interface == Interface::EdgeCut && may_be_immersed(mesh, materials) {
         occupancy = occupancy.with_immersed_elements(mesh, network.edges());
     }

@@ -4,13 +4,15 @@
 
 mod common;
 
-use capsense_core::geometry::Aabb;
+use capsense_core::electrode::Electrode;
+use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::DVec3;
 use capsense_core::material::{Connection, Material};
 use capsense_core::mesh::{Lattice, MeshQuality, TetMesh};
 use capsense_core::occupancy::{DepthLayers, OrthographicView};
-use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError};
+use capsense_core::sensor::{ElectrodeNodes, Sensor, SensorDesign, SensorError, Wall};
 use capsense_core::simulator::{Simulator, SimulatorError, StepReport};
+use capsense_core::solids::Solids;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 use common::{
     DIRECT, DOMAIN, Dice, FLOATING, GROUNDED, bar, both, conductor, depth_of_boxes, dielectric, oracle,
@@ -416,4 +418,31 @@ fn thin_floating_bodies_beside_the_wall_leave_k_definite() {
         let plate = Aabb { min: low, max: low + size };
         simulator.step(&depth_of_boxes([100, 100], &[plate])).map(|_| ()).unwrap();
     }
+}
+
+/// Two sheets on both sides of a plane of nodes change places: links of a node weigh the same together, but lead to others.
+#[test]
+fn links_that_change_places_are_told_to_the_solver() {
+    let domain = Aabb { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) };
+    let electrodes = vec![
+        Electrode { z: -0.25, ..rectangle("E1", [-0.125, 0.0], [0.125, 0.125]) },
+        Electrode { z: -0.25, ..rectangle("E2", [0.125, 0.0], [0.125, 0.125]) },
+    ];
+    let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
+    let sensor = Sensor::on_lattice(&design, &Lattice::uniform(domain, [16; 3]).unwrap()).unwrap();
+    let h = 1.0 / 16.0;
+    let sheet = Shape::Box { size: DVec3::new(0.5, 0.5, 0.125 * h) };
+    let mut solids = Solids::new(&[sheet.clone(), sheet]).unwrap();
+    let mut simulator = Simulator::new(sensor.clone(), vec![FLOATING, GROUNDED], to(1e-4)).unwrap();
+    for (below, above) in [(0.25, 0.625), (0.625, 0.25)] {
+        let at = |z: f64| Pose::at(DVec3::new(0.01, 0.012, z * h));
+        solids.place(&[at(-below - 0.0625), at(above + 0.0625)]).unwrap();
+        let _ = simulator.step(&solids).unwrap();
+    }
+    let nodes = sensor.mesh().nodes();
+    let between =
+        |node: &usize| nodes[*node].z.abs() < 1e-9 && nodes[*node].truncate().abs().max_element() < 0.1;
+    let between: Vec<u32> = (0..nodes.len()).filter(between).map(|node| node as u32).collect();
+    assert_eq!(between.len(), 9);
+    assert!(between.iter().all(|node| simulator.matrix().changed_rows().contains(node)));
 }

@@ -331,3 +331,12 @@ fn bounds_hold_the_solid() {
         epsilon = 1e-8
     );
 }
+
+/// Squares of such lengths are no numbers.
+#[test]
+fn solids_may_be_tiny() {
+    for length in [1e-170, 1e-300] {
+        let shapes = [Shape::Box { size: DVec3::splat(length) }, Shape::Sphere { radius: length }];
+        assert!(Solids::new(&shapes).is_ok(), "{length}");
+    }
+}

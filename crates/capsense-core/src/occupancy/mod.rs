@@ -107,6 +107,8 @@ pub struct Occupancy {
     wedges: Wedges,
     /// What walls that a camera sees leave of edges of a lattice.
     camera_walls: CameraWalls,
+    /// Whether the wall of the sensor is open.
+    has_open_wall: bool,
 }
 
 /// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
@@ -179,7 +181,15 @@ impl Occupancy {
             unstructured: None,
             wedges: Wedges::default(),
             camera_walls: CameraWalls::below(nodes, edges),
+            has_open_wall: false,
         }
+    }
+
+    /// The same where weights of edges on the wall of a lattice stand for the space beyond it, as those of a sensor with
+    /// [`Wall::Open`](crate::sensor::Wall::Open) do.
+    #[must_use]
+    pub fn with_open_wall(self) -> Self {
+        Self { has_open_wall: true, ..self }
     }
 
     /// The same for the edge rule on a mesh that is no lattice, whose edges have these weights: what negative ones are to
@@ -250,6 +260,7 @@ impl Occupancy {
             has_silhouettes,
             has_faces,
             has_camera_walls,
+            has_open_wall: self.has_open_wall,
         };
         let beside = match (has_weak, has_faces) {
             (true, _) => Beside::HalfWay,

@@ -24,6 +24,8 @@ pub(super) struct Scene<'a> {
     pub(super) has_faces: bool,
     /// Whether a camera sees conductors or strong dielectrics on a lattice.
     pub(super) has_camera_walls: bool,
+    /// Whether nodes where a lattice ends stand for the space beyond.
+    pub(super) has_open_wall: bool,
 }
 
 impl Scene<'_> {

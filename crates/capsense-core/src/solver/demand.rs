@@ -16,8 +16,9 @@ pub(super) struct Demand {
     to_ground: Vec<f64>,
     /// Energies of the empty scene, once they are known.
     base: Vec<f64>,
-    /// For each column its tolerance in relation to that of the capacitances.
+    /// For each column its tolerance in relation to that of the capacitances, and to that of their changes.
     parts: Vec<f64>,
+    parts_of_changes: Vec<f64>,
     /// The energies while objects are released one after the other, and each field as a sum of those solved for.
     energies: Vec<f64>,
     fields: Vec<f64>,
@@ -31,6 +32,7 @@ impl Demand {
             to_ground: to_ground.to_vec(),
             base: Vec::new(),
             parts: vec![1.0; columns],
+            parts_of_changes: vec![1.0; columns],
             energies: square.clone(),
             fields: square,
         }
@@ -54,14 +56,23 @@ impl Demand {
         for object in electrodes..columns {
             self.release(object, self.to_ground[object - electrodes]);
         }
-        for (column, part) in self.parts.iter_mut().enumerate() {
+        let parts = self.parts.iter_mut().zip(&mut self.parts_of_changes);
+        for (column, (part, of_change)) in parts.enumerate() {
             let own = energies[column * (columns + 1)];
-            let of_electrode = |electrode: usize| {
-                let contained = self.fields[electrode * columns + column].powi(2) * own;
-                let left = self.energies[electrode * (columns + 1)];
-                if contained > 0.0 { left / contained } else { 1.0 }
+            // Of what is left of an electrode's energy, or of its change, by what of the column is contained in it.
+            let least = |of_left: &dyn Fn(usize, f64) -> f64| {
+                let of_electrode = |electrode: usize| {
+                    let contained = self.fields[electrode * columns + column].powi(2) * own;
+                    let left = of_left(electrode, self.energies[electrode * (columns + 1)]);
+                    if contained > 0.0 { left / contained } else { 1.0 }
+                };
+                (0..electrodes).map(of_electrode).fold(1.0, f64::min)
             };
-            *part = (0..electrodes).map(of_electrode).fold(1.0, f64::min).max(LEAST);
+            *part = least(&|_, left| left).max(LEAST);
+            *of_change = match self.base.is_empty() {
+                true => 1.0,
+                false => least(&|electrode, left| (left - self.base[electrode]).abs()),
+            };
         }
     }
 
@@ -85,7 +96,11 @@ impl Demand {
 
     /// The relative error that is allowed of a column's energy.
     pub(super) fn allowed(&self, column: usize, energy: f64, options: &SolverOptions) -> f64 {
-        options.allowed(energy, self.base.get(column).copied(), self.parts[column])
+        let of_change = self.base.get(column).map(|base| match self.to_ground.is_empty() {
+            true => (energy - base).abs() / energy,
+            false => self.parts_of_changes[column],
+        });
+        options.allowed(self.parts[column], of_change)
     }
 
     /// The error of capacitances that a relative error of a column's energy may make.
@@ -97,6 +112,23 @@ impl Demand {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a floating object leaves of a change may be much less than what it changes while it is held.
+    #[test]
+    fn changes_are_those_that_floating_objects_leave() {
+        let options =
+            SolverOptions { tolerance: 1e-2, change_tolerance: Some(1e-2), ..SolverOptions::default() };
+        let mut demand = Demand::new(2, &[0.0]);
+        demand.remember_base(&[1.0, 0.0, 0.0, 0.0]);
+        // Held, it changes 0.1; released, 0.001 of that is left.
+        demand.update(&[1.1, -0.0999, -0.0999, 0.0999f64.powi(2) / 0.0999]);
+        let of_change = (1.1 - 0.0999 - 1.0) / 1.1;
+        assert!((demand.allowed(0, 1.1, &options) / (1e-2 * of_change) - 1.0).abs() < 1e-6, "{demand:?}");
+        // Without such objects, it is all of it.
+        let mut demand = Demand::new(1, &[]);
+        demand.remember_base(&[1.0]);
+        assert!((demand.allowed(0, 1.1, &options) / (1e-2 * 0.1 / 1.1) - 1.0).abs() < 1e-6);
+    }
 
     /// An electrode that couples to a floating object almost alone keeps little of its energy.
     #[test]

@@ -64,13 +64,13 @@ impl Default for SolverOptions {
 }
 
 impl SolverOptions {
-    /// The relative error that is allowed of a self-capacitance, given as energy, with that of the empty scene. `part` of
-    /// the tolerance is what the capacitances between electrodes need.
-    fn allowed(&self, energy: f64, base: Option<f64>, part: f64) -> f64 {
+    /// The relative error that is allowed of the energy of a column. `part` of the tolerance is what the capacitances between
+    /// electrodes need, and `change` of that of their changes, where these are known.
+    fn allowed(&self, part: f64, change: Option<f64>) -> f64 {
         let of_change = self
             .change_tolerance
-            .zip(base)
-            .map(|(tolerance, base)| (tolerance * (energy - base).abs() / energy).max(FINEST_FOR_CHANGES));
+            .zip(change)
+            .map(|(tolerance, part)| (part * tolerance).max(FINEST_FOR_CHANGES));
         (part * self.tolerance).min(of_change.unwrap_or(f64::INFINITY)).max(ROUNDING)
     }
 }

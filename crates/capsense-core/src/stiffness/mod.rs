@@ -118,8 +118,9 @@ impl StiffnessMatrix {
                     if now.factor[end] != 0.0 || self.link_sums[node as usize] != 0.0 {
                         self.relinked.insert(node as usize);
                     }
-                    // A link may lead to another object and weigh the same.
-                    if now.object[end] != before.object[end] {
+                    // A link may lead to another object and weigh the same, and several may weigh the same together.
+                    let [was, is] = [before, now].map(|of| (of.object[end], of.factor[end].to_bits()));
+                    if was != is {
                         self.changed_rows.insert(node as usize);
                     }
                 }

@@ -36,7 +36,7 @@ pub use field::RightAngle;
 pub(super) use field::{POINTS, Places};
 pub use round::Round;
 pub(super) use round::RoundNear;
-pub(super) use share::Cells;
+pub(super) use share::{Cells, part_within};
 use share::{Extent, part_at, share_of, smooth};
 pub(super) use star::{FAR_OFF_LATTICE, grown};
 
@@ -66,6 +66,9 @@ const TASKS_OF_A_THREAD: usize = 4;
 
 /// The axis along which each node's own edge carries its link.
 const CARRIER: usize = 0;
+
+/// What [`Star::sides`] tells of a node with all six edges.
+const ALL_SIDES: u8 = 0b11_11_11;
 
 /// What a node near an edge of a conductor makes of its edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -285,11 +288,28 @@ impl Scene<'_> {
         }
     }
 
+    /// Takes from the shares of edges that are outside the lattice, or all but outside.
+    fn leave_out(&self, row: &StarsInRow<'_>, nearest: &mut [NearestEdges]) {
+        for (object, nearest) in nearest.iter_mut().enumerate().take(self.bounds.len()) {
+            let of_box = self.fields[object].of_box().filter(|_| self.is_conductor(object));
+            let Some((angles, _)) = of_box.filter(|_| !row.is_within(&self.bounds[object])) else { continue };
+            for (number, star) in row.each().enumerate() {
+                if nearest.share(number) > 0.0
+                    && let Some(angle) = angles.nearest(star.place())
+                {
+                    nearest.take_part(number, star.within(angle.place, angle.along()));
+                }
+            }
+        }
+    }
+
     /// Whether a node may have a link, and its links are known.
     #[inline]
     fn takes_link(&self, star: &Star<'_>) -> bool {
         let is_free = self.mesh.terminals[star.node] == FREE;
-        is_free && star.neighbour(CARRIER, true).is_some() && self.is_homogeneous(star)
+        // What stands for the space beyond an open wall is in the weights of its nodes.
+        let is_inside = !self.has_open_wall || star.sides() == ALL_SIDES;
+        is_free && is_inside && star.neighbour(CARRIER, true).is_some() && self.is_homogeneous(star)
     }
 
     /// A node near an edge of a conductor, or a round one, and what it makes of it, but for the link.
@@ -377,7 +397,9 @@ impl Scene<'_> {
                 is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
             }
             KnownField::Round(round) => {
-                Some((Near::Round(round.seen_from(point)), part_at(cells, round.place(point))))
+                let place = round.place(point);
+                let share = part_at(cells, place) * cells.within(place, DVec3::ZERO);
+                Some((Near::Round(round.seen_from(point)), share))
             }
         }
     }

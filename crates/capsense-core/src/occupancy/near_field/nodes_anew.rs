@@ -80,6 +80,7 @@ impl NodesAnew<'_> {
         let Look { scene, stars, conductors } = look;
         let row = stars.in_row(nodes, row);
         scene.find_nearest_edges(&row.cells(), nearest);
+        scene.leave_out(&row, nearest);
         let may_be_beside = scene.may_be_beside(&row, nearest);
         let is_one_box = scene.is_one_box();
         for (number, star) in row.each().enumerate() {

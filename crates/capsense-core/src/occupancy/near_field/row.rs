@@ -50,6 +50,11 @@ impl NearestEdges {
         self.share[node]
     }
 
+    /// Makes that share a part of what it is.
+    pub(super) fn take_part(&mut self, node: usize, part: f64) {
+        self.share[node] *= part;
+    }
+
     /// Around which nodes an edge may be among the cells: a bit for each, and any for those behind the last.
     #[inline]
     pub(super) fn may_be_beside(&self) -> u64 {

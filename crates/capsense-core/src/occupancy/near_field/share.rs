@@ -62,6 +62,16 @@ pub(in super::super) trait Cells {
 
     /// The size of a cell in a direction, in metres.
     fn size_along(&self, direction: DVec3) -> f64;
+
+    /// How much a place on a conductor counts: nothing outside the mesh, as what is left there of the links around it is slightly
+    /// negative ones alone, and all of it a cell within. An edge may lead out of the mesh `along` a unit vector.
+    fn within(&self, place: DVec3, along: DVec3) -> f64;
+}
+
+/// What [`Cells::within`] makes of how many cells a place is within the mesh along each axis.
+#[inline]
+pub(in super::super) fn part_within(cells: DVec3, along: DVec3) -> f64 {
+    (1.0 - (1.0 - cells) * (1.0 - along * along)).min_element()
 }
 
 /// How much of a node's links is what a right angle makes of them, if there is nothing else.
@@ -76,7 +86,7 @@ pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
     let is_straight =
         if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
-    part * from_ends * is_straight
+    part * from_ends * is_straight * cells.within(angle.place, angle.along())
 }
 
 /// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing

@@ -3,6 +3,7 @@
 use super::Cells;
 use super::cells::{CellArrays, CellGroups, PlaneCells, RowCells, TOGETHER};
 use super::row::smaller;
+use super::share::part_within;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, Lattice};
 use glam::DVec3;
@@ -44,6 +45,9 @@ pub(super) struct Plane {
     sides: u8,
     /// By how much the numbers of nodes differ from those of their neighbours below and above; zero where the lattice ends.
     strides: [usize; 2],
+    /// The first and the last plane, and one over the sizes of the cells there.
+    ends: [f64; 2],
+    per_end: [f64; 2],
 }
 
 impl Plane {
@@ -79,7 +83,17 @@ impl Plane {
             per_longest: 1.0 / longest,
             sides: u8::from(below > 0.0) | u8::from(above > 0.0) << 1,
             strides: ways.map(|way| if way > 0.0 { stride } else { 0 }),
+            ends: [planes[0], planes[planes.len() - 1]],
+            per_end: [planes[1] - planes[0], planes[planes.len() - 1] - planes[planes.len() - 2]]
+                .map(f64::recip),
         }
+    }
+
+    /// How many cells a coordinate is away from where the lattice ends, no more than one; zero outside.
+    fn within(&self, coordinate: f64) -> f64 {
+        let [first, last] = self.ends;
+        let [from_first, from_last] = [coordinate - first, last - coordinate];
+        (from_first * self.per_end[0]).min(from_last * self.per_end[1]).clamp(0.0, 1.0)
     }
 
     /// Cells to a coordinate, parts of them counted; no more than [`FAR`].
@@ -190,6 +204,16 @@ impl StarsInRow<'_> {
     /// The cells around them.
     pub(super) fn cells(&self) -> RowCells<'_> {
         RowCells { x: self.along_x, across: self.cells_across }
+    }
+
+    /// Whether all of a box is a cell or more away from where the lattice ends.
+    pub(super) fn is_within(&self, bounds: &Aabb) -> bool {
+        let [y, z] = self.across;
+        self.x.first().is_some_and(|x| {
+            let is_within =
+                |place: DVec3| x.within(place.x).min(y.within(place.y)).min(z.within(place.z)) >= 1.0;
+            is_within(bounds.min) && is_within(bounds.max)
+        })
     }
 
     /// Whether the cells around any of them reach a box across the row.
@@ -320,6 +344,11 @@ impl Cells for Star<'_> {
     fn reach(&self) -> DVec3 {
         let [x, y, z] = self.planes;
         DVec3::new(x.reach, y.reach, z.reach)
+    }
+
+    fn within(&self, place: DVec3, along: DVec3) -> f64 {
+        let [x, y, z] = self.planes;
+        part_within(DVec3::new(x.within(place.x), y.within(place.y), z.within(place.z)), along)
     }
 
     #[inline]

@@ -13,7 +13,9 @@
 
 use super::super::coupling::{Coupling, SMALLEST_PART};
 use super::super::index_set::IndexList;
-use super::super::near_field::{Cells, FAR_OFF_LATTICE, Near, POINTS, Places, RightAngle, RoundNear, grown};
+use super::super::near_field::{
+    Cells, FAR_OFF_LATTICE, Near, POINTS, Places, RightAngle, RoundNear, grown, part_within,
+};
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
 use super::{HeldEdge, Unstructured};
@@ -52,6 +54,8 @@ impl NodeLink {
 struct CellsAround {
     node: DVec3,
     size: f64,
+    /// Where the mesh ends.
+    ends: Aabb,
 }
 
 impl Cells for CellsAround {
@@ -70,6 +74,12 @@ impl Cells for CellsAround {
     fn size_along(&self, _: DVec3) -> f64 {
         self.size
     }
+
+    fn within(&self, place: DVec3, along: DVec3) -> f64 {
+        let Aabb { min, max } = self.ends;
+        let within = ((place - min).min(max - place) / self.size).clamp(DVec3::ZERO, DVec3::ONE);
+        part_within(within, along)
+    }
 }
 
 /// The links of all nodes.
@@ -80,6 +90,8 @@ pub(super) struct NodeLinks {
     carrier: Vec<u32>,
     /// The edge of a cube as large as what each node has around it, in metres.
     cell: Vec<f64>,
+    /// Where the mesh ends.
+    ends: Aabb,
     /// Nodes to be looked at again in this frame, and what becomes of their links.
     pending: IndexList,
     found: Vec<NodeLink>,
@@ -152,6 +164,7 @@ impl NodeLinks {
             links: vec![NodeLink::NONE; nodes],
             carrier: (0..nodes).map(heaviest).collect(),
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
+            ends: Aabb::around(mesh.nodes().iter().copied()),
             pending: IndexList::below(nodes),
             found: Vec::new(),
             near: Vec::new(),
@@ -159,7 +172,7 @@ impl NodeLinks {
     }
 
     fn cells_at(&self, scene: &Scene<'_>, node: usize) -> CellsAround {
-        CellsAround { node: scene.mesh.nodes[node], size: self.cell[node] }
+        CellsAround { node: scene.mesh.nodes[node], size: self.cell[node], ends: self.ends }
     }
 
     /// Notes that a node is to be looked at again.

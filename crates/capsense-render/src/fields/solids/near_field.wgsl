@@ -92,6 +92,23 @@ fn part_at(star: Star, place: vec3<f32>) -> f32 {
     return part * part * (3.0 - 2.0 * part);
 }
 
+// How much a place on a conductor, given from the node, counts: nothing outside the lattice, all of it a cell within. An edge may
+// lead out along a unit vector.
+fn within(star: Star, place: vec3<f32>, along: vec3<f32>) -> f32 {
+    let counts = plane_counts();
+    var inside = vec3<f32>(1.0);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let own = plane_of(axis, star.place[axis]);
+        let first = plane_of(axis, 0u);
+        let last = plane_of(axis, counts[axis] - 1u);
+        let from_first = (own.x - first.x) + (own.y - first.y) + place[axis];
+        let from_last = (last.x - own.x) + (last.y - own.y) - place[axis];
+        inside[axis] = clamp(min(from_first / first.z, from_last / plane_of(axis, counts[axis] - 2u).z), 0.0, 1.0);
+    }
+    let part = 1.0 - (1.0 - inside) * (1.0 - along * along);
+    return min(part.x, min(part.y, part.z));
+}
+
 // A right angle at which faces of an object meet, in the object's frame.
 struct RightAngle {
     place: vec3<f32>, first: vec3<f32>, second: vec3<f32>,
@@ -222,7 +239,8 @@ struct Wedge {
 const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0);
 
 fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f32 {
-    let part = part_at(star, solid.turn * (angle.place - point));
+    let place = solid.turn * (angle.place - point);
+    let part = part_at(star, place);
     if (part <= 0.0) { return 0.0; }
     let along = abs(solid.turn * cross(angle.first, angle.second));
     let longest = max(star.below, star.above);
@@ -233,7 +251,7 @@ fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f3
     if (angle.inside < size) { from_ends = max(angle.inside / size, 0.0); }
     var is_straight = 1.0;
     if (angle.radius != STRAIGHT) { is_straight = clamp(angle.radius / size - 1.0, 0.0, 1.0); }
-    return part * from_ends * is_straight;
+    return part * from_ends * is_straight * within(star, place, along);
 }
 
 // How much of a node's links an object has if there is nothing else, or -1 where nothing is known of its field.
@@ -244,8 +262,8 @@ fn own_share(star: Star, object: u32, solid: Solid, begin: vec3<f32>) -> f32 {
         let axis = on_axis(solid, point);
         let away = point - axis;
         let distance = length(away);
-        let place = axis + away * select(0.0, solid.size.x / distance, distance > 0.0);
-        return part_at(star, solid.turn * (place - point));
+        let place = solid.turn * (axis + away * select(0.0, solid.size.x / distance, distance > 0.0) - point);
+        return part_at(star, place) * within(star, place, vec3<f32>(0.0));
     }
     let angle = nearest_angle(solid, point);
     if (!angle.exists || any(abs(solid.turn * (angle.place - point)) > star.reach)) { return -1.0; }
@@ -254,7 +272,9 @@ fn own_share(star: Star, object: u32, solid: Solid, begin: vec3<f32>) -> f32 {
 
 // What a node that no conductor holds makes of edges of conductors.
 fn wedge_at(star: Star) -> Wedge {
-    if (is_sensors(star.node) || star.above[CARRIER] == 0.0) { return NO_WEDGE; }
+    // What stands for the space beyond an open wall is in the weights of its nodes.
+    let is_inside = all(star.below > vec3<f32>(0.0)) && all(star.above > vec3<f32>(0.0));
+    if (is_sensors(star.node) || !is_inside) { return NO_WEDGE; }
     let spot = spot_of(star.place);
     var found = NO_OBJECT;
     var share = 1.0;
