@@ -407,6 +407,9 @@ pub(crate) fn nothing_there(
     if sensor.open_wall().is_some() {
         occupancy = occupancy.with_open_wall();
     }
+    if has_dielectrics {
+        occupancy = occupancy.with_background(mesh, network.edges());
+    }
     if interface == Interface::EdgeCut && may_be_immersed(mesh, materials) {
         occupancy = occupancy.with_immersed_elements(mesh, network.edges());
     }

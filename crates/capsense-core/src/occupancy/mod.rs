@@ -109,6 +109,8 @@ pub struct Occupancy {
     camera_walls: CameraWalls,
     /// Whether the wall of the sensor is open.
     has_open_wall: bool,
+    /// The relative permittivity of each cell of a lattice, where dielectrics are to know of it.
+    cells: Option<Background>,
 }
 
 /// An edge at whose end, or an element at whose corner, a conducting object touches an electrode.
@@ -182,7 +184,19 @@ impl Occupancy {
             wedges: Wedges::default(),
             camera_walls: CameraWalls::below(nodes, edges),
             has_open_wall: false,
+            cells: None,
         }
+    }
+
+    /// The same where dielectrics are to take the place of the background of each cell of a lattice, which is not the same
+    /// everywhere; otherwise they take that of its mean around edges. Nothing for other meshes.
+    #[must_use]
+    pub fn with_background(self, mesh: &TetMesh, edges: &Edges) -> Self {
+        let permittivity = mesh.relative_permittivity();
+        let is_of_use = matches!(edges, Edges::Lattice(_)) && !permittivity.is_uniform();
+        // Six tetrahedra are a cell.
+        let cells = is_of_use.then(|| Background::new(permittivity.iter().step_by(6).collect()));
+        Self { cells, ..self }
     }
 
     /// The same where weights of edges on the wall of a lattice stand for the space beyond it, as those of a sensor with
@@ -244,7 +258,7 @@ impl Occupancy {
     ) {
         self.start_frame();
         self.changes.find(&mesh, materials, surfaces);
-        let changes = std::mem::take(&mut self.changes);
+        let (changes, cells) = (std::mem::take(&mut self.changes), std::mem::take(&mut self.cells));
         let has_weak = parallel::is_of_use(mesh.edges, materials);
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
         let (bounds, fields) = (changes.bounds(), changes.fields());
@@ -256,6 +270,7 @@ impl Occupancy {
             surfaces,
             bounds,
             fields,
+            cells: cells.as_ref(),
             has_weak,
             has_silhouettes,
             has_faces,
@@ -285,7 +300,7 @@ impl Occupancy {
             self.wedges = wedges;
         }
         self.update_unstructured(workers, &scene, changes.around_edges());
-        self.changes = changes;
+        (self.changes, self.cells) = (changes, cells);
         self.replaced.couplings.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.couplings.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();

@@ -16,6 +16,9 @@
 //! the electrode across them. There quarters count by the harmonic mean of their lines, and bodies closer to an electrode than the
 //! first cell is high are not told to touch it. Measured, with where the rule ceases to be the better one: `docs/interface.md`.
 //!
+//! A quarter lies in one cell, and what a body there takes the place of is the background of that cell: around edges in the faces of a
+//! board it is not the same in all four.
+//!
 //! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
 //! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
 
@@ -90,20 +93,21 @@ impl Scene<'_> {
         let is_beside_electrode = self.is_beside_electrode(edge)?;
         let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
         for quarter in quarters(lattice, edge) {
+            let background = self.background_of(edge, &quarter);
             let through = match self.filling(&quarter.bounds()) {
                 Filling::None => [1.0; LINES],
-                Filling::Even(object) => [self.through(object, edge, Span::WHOLE)?; LINES],
+                Filling::Even(object) => [self.through(object, background, Span::WHOLE)?; LINES],
                 Filling::Part(object, layers) => {
                     let lines = BodyLines::of(self.surfaces, object, &quarter, layers);
                     let mut through = [1.0; LINES];
                     for (line, through) in through.iter_mut().enumerate() {
                         if let Some(span) = lines.span(line) {
-                            *through = self.through(object, edge, span)?;
+                            *through = self.through(object, background, span)?;
                         }
                     }
                     through
                 }
-                Filling::Parts => self.through_several(edge, &quarter, spans, breaks)?,
+                Filling::Parts => self.through_several(background, &quarter, spans, breaks)?,
             };
             is_met |= through != [1.0; LINES];
             let count = LINES as f64;
@@ -112,21 +116,32 @@ impl Scene<'_> {
             } else {
                 through.into_iter().sum::<f64>() / count
             };
-            (sum, whole) = (sum + quarter.share * mean, whole + quarter.share);
+            let share = quarter.share * self.weight_of(background);
+            (sum, whole) = (sum + share * mean, whole + share);
         }
         is_met.then(|| sum / whole)
+    }
+
+    /// The relative permittivity around a quarter without objects.
+    fn background_of(&self, edge: usize, quarter: &Quarter) -> f64 {
+        self.cells.map_or_else(|| self.mesh.permittivity.at(edge), |cells| cells.at(quarter.cell))
+    }
+
+    /// What a quarter with such a background weighs.
+    fn weight_of(&self, background: f64) -> f64 {
+        if self.cells.is_some() { background } else { 1.0 }
     }
 
     /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where strong ones are on
     /// one of them.
     fn through_several(
         &self,
-        edge: usize,
+        background: f64,
         quarter: &Quarter,
         spans: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
     ) -> Option<[f64; LINES]> {
-        let (bounds, background) = (quarter.bounds(), self.mesh.permittivity.at(edge));
+        let bounds = quarter.bounds();
         let mut through = [1.0; LINES];
         for (line, through) in through.iter_mut().enumerate() {
             spans.clear();
@@ -156,10 +171,10 @@ impl Scene<'_> {
 
     /// What multiplies the weight of a line of which a weak dielectric alone fills a part; `None` for all other objects.
     #[inline]
-    fn through(&self, object: usize, edge: usize, span: Span) -> Option<f64> {
+    fn through(&self, object: usize, background: f64, span: Span) -> Option<f64> {
         match self.materials[object] {
             Material::Dielectric(permittivity) if permittivity.value() < WEAK => {
-                Some(past_one(span, permittivity.value() / self.mesh.permittivity.at(edge)))
+                Some(past_one(span, permittivity.value() / background))
             }
             _ => None,
         }
@@ -222,16 +237,17 @@ impl Scene<'_> {
             return None;
         }
         let (mut sum, mut whole, mut lies_in_one) = (0.0, 0.0, false);
-        for Quarter { offset, share, .. } in quarters(lattice, edge) {
+        for quarter in quarters(lattice, edge) {
             let mut beside = DVec3::ZERO;
-            across.into_iter().for_each(|axis| beside[axis] = distance.copysign(offset[axis]));
+            across.into_iter().for_each(|axis| beside[axis] = distance.copysign(quarter.offset[axis]));
             self.find_spans_between([from + beside, to + beside], spans);
             if spans.iter().any(|(object, _)| self.is_conductor(usize::from(*object))) {
                 return None;
             }
             lies_in_one |= spans.iter().any(|(object, _)| !is_met(usize::from(*object)));
-            let background = self.mesh.permittivity.at(edge);
+            let background = self.background_of(edge, &quarter);
             let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
+            let share = quarter.share * self.weight_of(background);
             sum += share * rule.coupling(breaks).through;
             whole += share;
         }

@@ -5,6 +5,7 @@ use super::near_field::KnownField;
 use super::{Contact, EdgeGeometry, NO_OBJECT, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
+use crate::mesh::Background;
 use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
 
@@ -16,6 +17,8 @@ pub(super) struct Scene<'a> {
     pub(super) bounds: &'a [Aabb],
     /// What is known of the field around each object.
     pub(super) fields: &'a [KnownField],
+    /// The relative permittivity of each cell of a lattice without objects, where it is known not to be the same everywhere.
+    pub(super) cells: Option<&'a Background>,
     /// Whether there are weak dielectrics on a lattice.
     pub(super) has_weak: bool,
     /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.

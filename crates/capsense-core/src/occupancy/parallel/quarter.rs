@@ -24,6 +24,8 @@ pub(super) struct Quarter {
     pub(super) share: f64,
     /// That along which the edge is.
     axis: usize,
+    /// The cell that it lies in.
+    pub(super) cell: usize,
 }
 
 impl Quarter {
@@ -94,14 +96,19 @@ pub(super) fn quarters(lattice: &Lattice, edge: usize) -> impl Iterator<Item = Q
         };
         [to(place[axis].checked_sub(1)), to(Some(place[axis] + 1))]
     });
-    let pairs = [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[first, second]| (steps[0][first], steps[1][second]));
-    pairs.into_iter().filter_map(move |pair| {
-        let ((Some(first), Some(second)), Some(to)) = (pair, to) else { return None };
+    let [nx, ny, _] = lattice.node_counts().map(|count| count - 1);
+    [[0, 0], [0, 1], [1, 0], [1, 1]].into_iter().filter_map(move |sides| {
+        let (Some(first), Some(second), Some(to)) = (steps[0][sides[0]], steps[1][sides[1]], to) else {
+            return None;
+        };
+        let mut behind = place;
+        across.into_iter().zip(sides).for_each(|(axis, side)| behind[axis] = place[axis] + side - 1);
+        let cell = (behind[2] * ny + behind[1]) * nx + behind[0];
         let mut offset = DVec3::ZERO;
         offset[across[0]] = 0.25 * first;
         offset[across[1]] = 0.25 * second;
         let share = 0.25 * (first * second).abs();
-        Some(Quarter { middle: [from + offset, to + offset], offset, share, axis })
+        Some(Quarter { middle: [from + offset, to + offset], offset, share, axis, cell })
     })
 }
 
@@ -117,13 +124,22 @@ mod tests {
         let edge = |place, axis| 3 * lattice.node_index(place) + axis;
         let found: Vec<_> = quarters(&lattice, edge([0, 2, 1], 0)).collect();
         let at = |x, y, z| DVec3::new(x, y, z);
-        let quarter = |middle, offset, share, axis| Quarter { middle, offset, share, axis };
+        let quarter = |middle, offset, share, axis, cell: [usize; 3]| {
+            let cell = (0..12).find(|&other| lattice.cell_place(other) == cell).unwrap();
+            Quarter { middle, offset, share, axis, cell }
+        };
         let middle = [at(0.0, 2.75, 0.75), at(1.0, 2.75, 0.75)];
-        assert_eq!(found[0], quarter(middle, at(0.0, -0.25, -0.25), 0.25, 0));
-        assert_eq!(found[3], quarter([at(0.0, 4.0, 2.0), at(1.0, 4.0, 2.0)], at(0.0, 1.0, 1.0), 4.0, 0));
+        assert_eq!(found[0], quarter(middle, at(0.0, -0.25, -0.25), 0.25, 0, [0, 1, 0]));
+        assert_eq!(
+            found[3],
+            quarter([at(0.0, 4.0, 2.0), at(1.0, 4.0, 2.0)], at(0.0, 1.0, 1.0), 4.0, 0, [0, 2, 1])
+        );
         assert_eq!(found.iter().map(|quarter| quarter.share).sum::<f64>(), 2.5 * 2.5);
         let of_rim: Vec<_> = quarters(&lattice, edge([0, 0, 1], 2)).collect();
-        assert_eq!(of_rim, [quarter([at(0.25, 0.5, 1.0), at(0.25, 0.5, 5.0)], at(0.25, 0.5, 0.0), 0.5, 2)]);
+        assert_eq!(
+            of_rim,
+            [quarter([at(0.25, 0.5, 1.0), at(0.25, 0.5, 5.0)], at(0.25, 0.5, 0.0), 0.5, 2, [0, 0, 1])]
+        );
         assert_eq!(quarters(&lattice, edge([2, 0, 0], 0)).count(), 0, "there is no such edge");
     }
 }
