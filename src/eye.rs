@@ -2,8 +2,9 @@
 
 use crate::pipeline::PipelineError;
 use crate::scene::{Geometry, Scene};
-use capsense_core::geometry::{Pose, Shape};
-use capsense_core::occupancy::DepthLayers;
+use capsense_core::geometry::{Aabb, Pose, Shape};
+use capsense_core::glam::{DMat3, DVec2, DVec3};
+use capsense_core::occupancy::{DepthLayers, Surfaces};
 use capsense_core::solids::Solids;
 use capsense_render::fields::GpuFields;
 use capsense_render::{Backend, DepthRenderer, RenderError};
@@ -132,5 +133,54 @@ impl DeviceEye {
     /// What was drawn here last.
     pub(crate) fn layers(&self) -> &DepthLayers {
         &self.layers
+    }
+}
+
+/// Whether a body in a camera's view falls between its rays, or may in another frame: whether no pixel shows it, or it is narrower
+/// than one.
+pub(crate) fn is_missed(layers: &DepthLayers, object: usize, shape: &Shape, pose: &Pose) -> bool {
+    let own = extent(shape);
+    let rotation = DMat3::from_quat(pose.rotation);
+    let half = 0.5 * own.size();
+    let half =
+        rotation.x_axis.abs() * half.x + rotation.y_axis.abs() * half.y + rotation.z_axis.abs() * half.z;
+    let centre = pose.sensor_from_object(0.5 * (own.min + own.max));
+    let (bounds, view) = (Aabb { min: centre - half, max: centre + half }, layers.view());
+    let size = view.domain.size();
+    let pixel = DVec2::new(size.x / view.width as f64, size.y / view.height as f64);
+    let is_shown = layers.bounds(object).intersects(&view.domain);
+    bounds.intersects(&view.domain) && (!is_shown || bounds.size().truncate().cmplt(pixel).any())
+}
+
+/// A box in its own frame that a shape fits into.
+fn extent(shape: &Shape) -> Aabb {
+    let half = match shape {
+        Shape::Box { size } => 0.5 * *size,
+        Shape::Sphere { radius } => DVec3::splat(*radius),
+        Shape::Capsule { radius, length } => DVec3::new(*radius, *radius, 0.5 * length + radius),
+        Shape::Cylinder { radius, length } => DVec3::new(*radius, *radius, 0.5 * length),
+        Shape::Mesh(mesh) => return Aabb::around(mesh.vertices().iter().copied()),
+    };
+    Aabb { min: -half, max: half }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use capsense_core::occupancy::OrthographicView;
+
+    #[test]
+    fn bodies_narrower_than_a_pixel_are_missed() {
+        let domain = Aabb { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) };
+        let mut layers = DepthLayers::empty(OrthographicView { domain, width: 10, height: 20 }, 1);
+        let rod = |radius| Shape::Cylinder { radius, length: 0.4 };
+        let upright = Pose::at(DVec3::ZERO);
+        assert!(is_missed(&layers, 0, &rod(0.2), &upright), "no pixel shows it");
+        assert!(!is_missed(&layers, 0, &rod(0.2), &Pose::at(2.0 * DVec3::X)), "it is out of view");
+        let (front, back) = layers.layer_mut(0);
+        front.fill(-0.2);
+        back.fill(0.2);
+        assert!(!is_missed(&layers, 0, &rod(0.2), &upright));
+        assert!(is_missed(&layers, 0, &rod(0.04), &upright));
     }
 }

@@ -1,7 +1,7 @@
 //! From a scene to its capacitances, frame after frame. The main path is [`Pipeline::frame`].
 
 use crate::device::{self, Device, Graphics, Placed};
-use crate::eye::Eye;
+use crate::eye::{Eye, is_missed};
 use crate::scene::{Scene, SceneError, SceneObject};
 use capsense_core::capacitance::CapacitanceMatrix;
 use capsense_core::geometry::Pose;
@@ -222,11 +222,22 @@ impl Pipeline {
     /// When the objects cannot be drawn.
     pub fn unresolved(&mut self) -> Result<Vec<usize>, PipelineError> {
         self.look()?;
-        Ok(match &self.eye {
-            Eye::Camera(camera) => self.simulator.unresolved(&camera.layers),
-            Eye::Solids(solids) | Eye::SolidsOnDevice(_, solids) => self.simulator.unresolved(solids),
-            Eye::Device(device) => self.simulator.unresolved(device.layers()),
-        })
+        let layers = match &self.eye {
+            Eye::Solids(solids) | Eye::SolidsOnDevice(_, solids) => {
+                return Ok(self.simulator.unresolved(solids));
+            }
+            Eye::Camera(camera) => &camera.layers,
+            Eye::Device(device) => device.layers(),
+        };
+        let mut unresolved = self.simulator.unresolved(layers);
+        let unseen =
+            (0..).zip(self.objects.iter().zip(&self.poses)).filter_map(|(number, (object, pose))| {
+                is_missed(layers, number, &object.shape, pose).then_some(number)
+            });
+        unresolved.extend(unseen);
+        unresolved.sort_unstable();
+        unresolved.dedup();
+        Ok(unresolved)
     }
 
     /// The simulator in the state of the last frame.

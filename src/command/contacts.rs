@@ -43,8 +43,9 @@ impl ContactLog {
         };
         let unresolved = |(&object, frame): (&usize, &usize)| {
             format!(
-                "{}: in frame {frame} object `{}` is too thin or too small for the mesh: what it does is missing in the \
-                 capacitances, and error bars may not show it",
+                "{}: in frame {frame} object `{}` is too thin or too small for the mesh, or for the camera's pixels, or too \
+                 close to another conductor: what it does is missing in the capacitances, in part at least, and error bars may \
+                 not show it",
                 scene.source.file(),
                 scene.objects[object].name
             )

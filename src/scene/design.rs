@@ -134,6 +134,7 @@ pub(super) fn locate(source: &Source, names: &[String], error: &SensorError) -> 
         | SensorError::OwnsNoNode(name)
         | SensorError::Alone(name)
         | SensorError::SharedNode { second: name, .. }
+        | SensorError::Meet { second: name, .. }
         | SensorError::NodeOutOfRange { name, .. } => electrode(name),
         SensorError::Substrate(_) => "sensor.substrate".to_owned(),
         SensorError::Domain => "domain".to_owned(),

@@ -263,3 +263,38 @@ fn the_same_outline_by_other_means_is_the_same_sensor() {
     assert!(count(&fewer) < count(&all), "{} {}", count(&fewer), count(&all));
     assert!(less < 0.999 * capacitance && less > 0.8 * capacitance, "{less} {capacitance}");
 }
+
+/// Of all pairs of a rectangle, a disk, a polygon and a ring, apart, touching, crossing, and one in the other.
+#[test]
+fn outlines_meet_where_they_have_a_point_in_common() {
+    let at = |x: f64| DVec2::new(x, 0.0);
+    let rectangle = |x: f64| Outline::Rectangle { center: at(x), size: DVec2::new(2.0, 2.0) };
+    let disk = |x: f64| Outline::Disk { center: at(x), radius: 1.0 };
+    let square = |x: f64, half: f64| -> Vec<DVec2> {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(a, b)| at(x) + half * DVec2::new(a, b))
+            .to_vec()
+    };
+    let polygon = |x: f64| Outline::Polygon(square(x, 1.0));
+    let shapes: [&dyn Fn(f64) -> Outline; 3] = [&rectangle, &disk, &polygon];
+    for first in shapes {
+        for second in shapes {
+            for (x, meet) in
+                [(2.001, false), (2.0, true), (1.0, true), (0.0, true), (-2.1, false), (-2.0, true)]
+            {
+                assert_eq!(first(0.0).meets(&second(x)), meet, "{:?} {:?}", first(0.0), second(x));
+            }
+        }
+    }
+    // A cross, in which no corner is in the other, and what lies in the hole of a ring.
+    let bar = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::new(0.5, 4.0) };
+    let other_bar = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::new(4.0, 0.5) };
+    assert!(bar.meets(&other_bar));
+    let ring = Outline::Contours(vec![square(0.0, 3.0), square(0.0, 2.0)]);
+    for within in [disk(0.0), rectangle(0.0), polygon(0.5)] {
+        assert!(!ring.meets(&within) && !within.meets(&ring), "{within:?}");
+    }
+    for over in [disk(1.5), rectangle(1.0), polygon(2.5)] {
+        assert!(ring.meets(&over) && over.meets(&ring), "{over:?}");
+    }
+}

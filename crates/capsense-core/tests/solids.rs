@@ -332,11 +332,15 @@ fn bounds_hold_the_solid() {
     );
 }
 
-/// Squares of such lengths are no numbers.
+/// Products of such lengths are no numbers; halving surfaces until they are small would not end.
 #[test]
-fn solids_may_be_tiny() {
-    for length in [1e-170, 1e-300] {
-        let shapes = [Shape::Box { size: DVec3::splat(length) }, Shape::Sphere { radius: length }];
-        assert!(Solids::new(&shapes).is_ok(), "{length}");
+fn lengths_that_are_as_good_as_zero_are_refused() {
+    for length in [1e-101, 1e-170, 1e-300] {
+        for shape in [Shape::Box { size: DVec3::splat(length) }, Shape::Sphere { radius: length }] {
+            assert_eq!(Solids::new(&[shape]).unwrap_err(), SolidError::Length { object: 0, length });
+        }
     }
+    assert!(
+        Solids::new(&[Shape::Box { size: DVec3::splat(1e-99) }, Shape::Sphere { radius: 1e-99 }]).is_ok()
+    );
 }

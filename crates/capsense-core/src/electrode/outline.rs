@@ -179,6 +179,27 @@ impl Outline {
         spans
     }
 
+    /// Whether two outlines in one plane enclose a common area, or touch.
+    pub fn meets(&self, other: &Self) -> bool {
+        let ([low, high], [other_low, other_high]) = (self.bounds(), other.bounds());
+        let slack = ON_OUTLINE * (high - low).max(other_high - other_low).max_element();
+        if (low.cmpgt(other_high + slack) | other_low.cmpgt(high + slack)).any() {
+            return false;
+        }
+        match (self, other) {
+            (Self::Disk { center, radius }, other) | (other, Self::Disk { center, radius }) => {
+                other.contains(*center) || other.distance_to_rim(*center) <= radius + slack
+            }
+            _ => {
+                let cross =
+                    |[p, q]: [DVec2; 2], [r, s]: [DVec2; 2]| polygon::crossing(p, q - p, r, s - r).is_some();
+                self.sides().any(|[corner, _]| other.contains(corner))
+                    || other.sides().any(|[corner, _]| self.contains(corner))
+                    || self.sides().any(|side| other.sides().any(|other| cross(side, other)))
+            }
+        }
+    }
+
     /// Why the outline encloses no usable area, if it does not.
     pub fn defect(&self) -> Option<&'static str> {
         match self {

@@ -4,10 +4,11 @@
 //! What a cut edge knows of a dielectric is how much of the edge lies in it. A sheet that edges pass through as a whole has no
 //! edge along it, so what it does to fields along it, (ε - 1) times its thickness, is not there; one that happens to hold a
 //! plane of nodes counts as a cell thick. Interface models that fill elements lose thin bodies altogether. Conductors that cut
-//! edges are links, however thin.
+//! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost.
 
 use super::parallel::WEAK;
-use super::{EdgeGeometry, Interface, Surfaces};
+use super::{EdgeGeometry, Interface, Span, Surfaces};
+use crate::capacitance::own_potential;
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::Edges;
@@ -27,6 +28,8 @@ struct Seen {
     leaving: f64,
     /// The body's volume, as the parts of edges along each axis tell: an edge of weight w and extent d stands for w d².
     volumes: DVec3,
+    /// Whether another conductor, at another potential perhaps, is so close that nothing but a gap is between both on an edge.
+    is_close: bool,
 }
 
 impl Seen {
@@ -51,7 +54,7 @@ pub(crate) fn unresolved(
         if !bounds.intersects(&domain) {
             return false;
         }
-        let seen = look_at(mesh, weights, surfaces, object);
+        let seen = look_at(mesh, weights, materials, surfaces, object);
         let is_inside = domain.contains(bounds.min) && domain.contains(bounds.max);
         match (interface, materials[object]) {
             // Lines beside edges see these.
@@ -60,14 +63,20 @@ pub(crate) fn unresolved(
             {
                 false
             }
-            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && !seen.is_met,
+            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && !seen.is_met || seen.is_close,
             _ => is_inside && !seen.is_met || seen.is_thin(),
         }
     };
     (0..surfaces.objects()).filter(|&object| is_unresolved(object)).collect()
 }
 
-fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, object: usize) -> Seen {
+fn look_at(
+    mesh: EdgeGeometry<'_>,
+    weights: &[f64],
+    materials: &[Material],
+    surfaces: &impl Surfaces,
+    object: usize,
+) -> Seen {
     // Off lattices long edges are visited more often than short ones, which would make bodies look thin along short ones.
     let mut near = Vec::new();
     mesh.edges.for_edges_near(mesh.nodes, &surfaces.bounds(object), |edge, ends| near.push((edge, ends)));
@@ -79,6 +88,7 @@ fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, ob
         let Some(span) = surfaces.span(object, a, b) else { continue };
         let weight = weights[edge].max(0.0).min(most_between(mesh, ends));
         seen.is_met = true;
+        seen.is_close |= weight > 0.0 && has_gap(materials, surfaces, object, span, [a, b]);
         match [a, b].map(|end| surfaces.contains(object, end)) {
             [false, false] => seen.through += weight * a.distance_squared(b),
             [true, true] => {}
@@ -87,6 +97,30 @@ fn look_at(mesh: EdgeGeometry<'_>, weights: &[f64], surfaces: &impl Surfaces, ob
         seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
     }
     seen
+}
+
+/// Whether a segment leads from one conductor to another, of which one finds its own potential, with an end that neither holds: then what
+/// couples both there is not in the network.
+fn has_gap(
+    materials: &[Material],
+    surfaces: &impl Surfaces,
+    object: usize,
+    span: Span,
+    [a, b]: [DVec3; 2],
+) -> bool {
+    let is_conductor = |object: usize| matches!(materials[object], Material::Conductor(_));
+    let floats = |object: usize| own_potential(&materials[object]).is_some();
+    is_conductor(object)
+        && (0..materials.len()).any(|other| {
+            other != object
+                && is_conductor(other)
+                && (floats(object) || floats(other))
+                && surfaces.span(other, a, b).is_some_and(|beside| {
+                    let are_apart = span.exit < beside.enter || beside.exit < span.enter;
+                    let are_held = span.enter.min(beside.enter) <= 0.0 && span.exit.max(beside.exit) >= 1.0;
+                    are_apart && !are_held
+                })
+        })
 }
 
 /// The most that an edge between two nodes weighs in elements of any reasonable shape: its dual face is no larger than the square of

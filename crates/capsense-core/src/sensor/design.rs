@@ -68,7 +68,7 @@ impl SensorDesign {
     /// Checks what can be checked without a mesh.
     ///
     /// # Errors
-    /// For an empty domain, no electrodes, names that repeat, unusable outlines, electrodes that touch the wall or
+    /// For an empty domain, no electrodes, names that repeat, unusable outlines, electrodes that touch each other or the wall or
     /// lie outside, and a board that does not fit.
     pub fn validate(&self) -> Result<(), SensorError> {
         let Aabb { min, max } = self.domain;
@@ -78,6 +78,15 @@ impl SensorDesign {
         check_names(self.electrodes.iter().map(|electrode| electrode.name.as_str()))?;
         for electrode in &self.electrodes {
             self.check_place(electrode)?;
+        }
+        let slack = IN_PLANE * self.domain.size().max_element();
+        for (number, first) in self.electrodes.iter().enumerate() {
+            let meets = |other: &&Electrode| {
+                (other.z - first.z).abs() <= slack && first.outline.meets(&other.outline)
+            };
+            if let Some(second) = self.electrodes[number + 1..].iter().find(meets) {
+                return Err(SensorError::Meet { first: first.name.clone(), second: second.name.clone() });
+            }
         }
         if let Some(board) = &self.substrate {
             let bounds = board.bounds();

@@ -28,6 +28,14 @@ pub enum SensorError {
     /// An electrode touches the grounded wall; its capacitance would be infinite.
     #[error("electrode `{0}` touches the grounded wall: its capacitance would be infinite")]
     TouchesWall(String),
+    /// Two electrodes in one plane that overlap or touch.
+    #[error("electrodes `{first}` and `{second}` overlap or touch: their capacitance would be infinite")]
+    Meet {
+        /// The electrode listed first.
+        first: String,
+        /// The other one.
+        second: String,
+    },
     /// No node of the mesh lies on an electrode.
     #[error("electrode `{0}` owns no node of the mesh; is it smaller than the mesh around it?")]
     OwnsNoNode(String),

@@ -20,11 +20,16 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
 use surface_tree::{SurfaceTree, placed};
 
+/// No length is less, in metres: of shorter ones products are too small to be numbers.
+const LEAST_LENGTH: f64 = 1e-100;
+
 /// Why objects cannot be solids, or not stand where they should.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolidError {
-    /// A length that is not finite and greater than zero.
-    #[error("object {object} has the length {length} m; lengths must be finite and greater than zero")]
+    /// A length that is not finite and greater than zero, or of which the square is as good as zero.
+    #[error(
+        "object {object} has the length {length} m; lengths must be finite and at least {LEAST_LENGTH:e} m"
+    )]
     Length {
         /// Index of the object.
         object: usize,
@@ -146,7 +151,7 @@ impl Solids {
 impl Solid {
     fn new(object: usize, shape: &Shape) -> Result<Self, SolidError> {
         let positive = |length: f64| {
-            if length > 0.0 && length.is_finite() {
+            if length >= LEAST_LENGTH && length.is_finite() {
                 Ok(length)
             } else {
                 Err(SolidError::Length { object, length })

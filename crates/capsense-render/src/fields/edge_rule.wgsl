@@ -5,6 +5,7 @@
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
 //     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
 //     fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling
+//     fn background_in(cell: vec3<u32>, around: f32) -> f32, of a cell beside an edge around which it is that on average
 // all points and shifts relative to the anchor, a node given by its planes, in metres. The last tells what else a source knows to be
 // around an edge of which surfaces on it leave `cut`.
 
@@ -157,8 +158,13 @@ fn along_lines(edge: Edge, background: f32, is_along_electrode: bool) -> f32 {
     for (var number = 0u; number < 4u; number++) {
         let to_u = steps_u[number / 2u];
         let to_v = steps_v[number % 2u];
-        let share = 0.25 * abs(to_u * to_v);
-        if (share == 0.0) { continue; }
+        let area = 0.25 * abs(to_u * to_v);
+        if (area == 0.0) { continue; }
+        var cell = edge.place;
+        cell[u] -= select(1u, 0u, number / 2u == 1u);
+        cell[v] -= select(1u, 0u, number % 2u == 1u);
+        let of_cell = background_in(cell, background);
+        let share = area * of_cell;
         var parallel = 0.0;
         var in_series = 0.0;
         for (var line = 0u; line < 4u; line++) {
@@ -172,7 +178,7 @@ fn along_lines(edge: Edge, background: f32, is_along_electrode: bool) -> f32 {
                     is_any = is_any || is_met(object);
                 }
                 if (!all_weak()) { return -1.0; }
-                through = edge_rule(vec2<u32>(NO_OBJECT), background).through;
+                through = edge_rule(vec2<u32>(NO_OBJECT), of_cell).through;
             }
             parallel += through;
             in_series += 1.0 / through;

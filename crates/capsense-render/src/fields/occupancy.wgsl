@@ -4,7 +4,7 @@
 struct Lattice {
     planes_at: vec3<u32>, nodes_at: u32,
     weights_at: u32, permittivity_at: u32, permittivity_stride: u32, electrodes: u32,
-    links_at: u32, flags_len: u32, alike_at: u32, padding: u32,
+    links_at: u32, flags_len: u32, alike_at: u32, cells_at: u32,
 }
 struct Camera { size: vec2<u32>, pixels_per_metre: vec2<f32>, depths: vec2<f32>, jump: f32, back_fill: u32 }
 // The part of a segment in an object, from 0 to 1; nothing where `enter` is more than `leave`.
@@ -86,6 +86,12 @@ fn base_weight(axis: u32, node: u32) -> f32 {
 
 fn background_at(axis: u32, node: u32) -> f32 {
     return bitcast<f32>(tables[lattice.permittivity_at + lattice.permittivity_stride * (axis * plan.grids[0].nodes + node)]);
+}
+
+fn background_in(cell: vec3<u32>, around: f32) -> f32 {
+    let cells = plan.grids[0].counts - 1u;
+    let number = (cell.z * cells.y + cell.y) * cells.x + cell.x;
+    return bitcast<f32>(tables[lattice.cells_at + lattice.permittivity_stride * number]);
 }
 
 fn conductor_at(node: u32) -> u32 { return found[FOUND * (in_holders + node)]; }

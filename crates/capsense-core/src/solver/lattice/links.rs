@@ -11,8 +11,6 @@ use std::ops::Range;
 pub(super) struct ObjectLinks {
     /// In the order of colours and places.
     links: Vec<ObjectLink>,
-    /// What they were taken from: node, row of the object, weight.
-    taken: Vec<(usize, usize, f64)>,
     /// For each colour the places from the first to behind the last: most nodes are far from them.
     extents: [Range<usize>; 2],
     /// Potentials of objects: object by object, all columns.
@@ -39,24 +37,20 @@ impl ObjectLinks {
     /// Takes those links of a matrix that lead to objects that are at 1 V in some column. Layouts are those of numbers which
     /// are there once for each node, and of vectors.
     pub(super) fn collect(&mut self, of_nodes: &Layout, layout: &Layout, matrix: &StiffnessMatrix) {
-        let Self { links, potentials, taken, .. } = self;
-        let is_felt = |&(_, row, _): &(usize, usize, f64)| {
-            let object = row - matrix.nodes();
-            potentials[object * layout.columns..][..layout.columns].iter().any(|&potential| potential != 0.0)
-        };
-        let felt = || matrix.links().filter(is_felt);
-        // Links to electrodes stay as they are while nothing comes near their rims.
-        if taken.iter().copied().eq(felt()) {
+        self.links.clear();
+        self.extents = [0..0, 0..0];
+        if self.potentials.iter().all(|&potential| potential == 0.0) {
             return;
         }
-        taken.clear();
-        taken.extend(felt());
-        links.clear();
-        links.extend(taken.iter().map(|&(node, row, weight)| {
-            let indices = of_nodes.indices(node);
-            let ((colour, at), (_, place)) = (of_nodes.place(indices), layout.place(indices));
-            ObjectLink { colour, at, place, object: row - matrix.nodes(), weight }
-        }));
+        for (node, body_row, weight) in matrix.links() {
+            let object = body_row - matrix.nodes();
+            let potentials = &self.potentials[object * layout.columns..][..layout.columns];
+            if potentials.iter().any(|&potential| potential != 0.0) {
+                let indices = of_nodes.indices(node);
+                let ((colour, at), (_, place)) = (of_nodes.place(indices), layout.place(indices));
+                self.links.push(ObjectLink { colour, at, place, object, weight });
+            }
+        }
         self.links.sort_by_key(|link| (link.colour, link.at));
         self.extents = [RED, BLACK].map(|colour| {
             let of_colour = || self.links.iter().filter(|link| link.colour == colour).map(|link| link.at);

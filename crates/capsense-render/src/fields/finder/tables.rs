@@ -27,7 +27,8 @@ pub(super) struct LatticeUniform {
     pub(super) flags_len: u32,
     /// A bit for each node: whether the background is the same on all its edges.
     alike_at: u32,
-    padding: u32,
+    /// The background in each cell, one for all where that is the same everywhere.
+    cells_at: u32,
 }
 
 /// Tables of a sensor.
@@ -90,6 +91,13 @@ impl Tables {
                 words.extend((0..nodes).map(|node| (permittivity[3 * node + axis] as f32).to_bits()));
             }
         }
+        let mut cells_at = permittivity_at;
+        if !is_uniform {
+            cells_at = words.len() as u32;
+            // Six tetrahedra are a cell.
+            let cells = sensor.mesh().relative_permittivity().iter().step_by(6);
+            words.extend(cells.map(|permittivity| (permittivity as f32).to_bits()));
+        }
         let alike_at = words.len() as u32;
         words.extend(alike(lattice, &permittivity));
         let lattice = LatticeUniform {
@@ -101,6 +109,7 @@ impl Tables {
             electrodes: electrodes as u32,
             links_at,
             alike_at,
+            cells_at,
             ..LatticeUniform::default()
         };
         (words.len() <= u32::MAX as usize).then_some(Self { words, lattice })

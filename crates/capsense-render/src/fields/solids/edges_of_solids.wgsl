@@ -43,8 +43,13 @@ fn in_face(around: Surroundings, star: Star) -> f32 {
         let is_above = vec2<bool>((quarter & 2u) != 0u, (quarter & 1u) != 0u);
         let first = select(star.below[b], star.above[b], is_above.x);
         let second = select(star.below[c], star.above[c], is_above.y);
-        let share = 0.25 * first * second;
-        if (share == 0.0) { continue; }
+        let area = 0.25 * first * second;
+        if (area == 0.0) { continue; }
+        var cell = star.place;
+        cell[b] -= select(1u, 0u, is_above.x);
+        cell[c] -= select(1u, 0u, is_above.y);
+        let background = background_in(cell, around.background);
+        let share = area * background;
         var beside = vec3<f32>(0.0);
         beside[b] = select(-away, away, is_above.x);
         beside[c] = select(-away, away, is_above.y);
@@ -55,7 +60,7 @@ fn in_face(around: Surroundings, star: Star) -> f32 {
                 if (is_conductor(object)) { return -1.0; }
                 lies_in_one = lies_in_one || !is_hit(on_edge[object]);
             }
-            through = edge_rule(UNLINKED, around.background).through;
+            through = edge_rule(UNLINKED, background).through;
         }
         sum += share * through;
         whole += share;
