@@ -151,7 +151,7 @@ const CASES: &[Case] = &[
         "center = [0.04, 0.0]",
         "[[sensor.electrode]]\nname = \"E2\"",
         "sensor.electrode[1]",
-        "share mesh node",
+        "overlap or touch",
     ),
     case(
         "radius = 0.03",
