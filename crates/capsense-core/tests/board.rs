@@ -46,7 +46,7 @@ fn air_beside_a_board_changes_nothing() {
     for grounded_back in [false, true] {
         for tets in [12_000, 40_000] {
             let sensor = Sensor::generated(&design(grounded_back), MeshKind::Lattice, tets).unwrap();
-            // On the board, within the first cell above it, and through its middle, beside the electrodes.
+            // On the board, just above it, within the first cell above it, and cells away.
             for (low, high) in [(0.0, 0.05), (1e-4, 0.05), (1e-3, 4e-3), (0.02, 0.05)] {
                 let bounds = Aabb { min: DVec3::new(-0.05, -0.05, low), max: DVec3::new(0.05, 0.05, high) };
                 let of_solid = change(&sensor, 1.0, &solid(&bounds));
@@ -67,17 +67,19 @@ fn a_body_as_the_board_in_its_place_changes_nothing() {
     assert!(change < 1e-8, "{change:e}");
 }
 
-/// A board given as an object is the board.
+/// A board given as an object does what the board does, on a fine lattice; of 40,000 tetrahedra, 29 % of that is missing
+/// or too much.
 #[test]
 fn a_board_may_be_an_object() {
     let board = design(false);
-    let lattice = board.lattice(40_000).unwrap();
+    let lattice = board.lattice(640_000).unwrap();
     let with_board = Sensor::on_lattice(&board, &lattice).unwrap();
     let without = Sensor::on_lattice(&SensorDesign { substrate: None, ..board }, &lattice).unwrap();
     let bounds = Aabb { min: DVec3::new(-0.07, -0.06, -THICKNESS), max: DVec3::new(0.07, 0.06, 0.0) };
     let mut simulator = Simulator::new(without, vec![dielectric(BOARD)], to(1e-9)).unwrap();
     let _ = simulator.step(&solid(&bounds)).unwrap();
     let expected = Simulator::new(with_board, vec![], to(1e-9)).unwrap();
-    let error = relative_error(simulator.capacitance(), expected.base());
-    assert!(error < 0.05, "{error:e}");
+    let board_does = relative_error(simulator.base(), expected.base());
+    let error = relative_error(simulator.capacitance(), expected.base()) / board_does;
+    assert!(error < 0.04, "{error:e} of {board_does:e}");
 }

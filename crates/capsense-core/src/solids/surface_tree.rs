@@ -67,8 +67,7 @@ impl SurfaceTree {
     pub(super) fn of_patches(patches: Vec<(Patch, BVec3)>) -> Self {
         let mut tree = Self::default();
         let around = patches.iter().flat_map(|(patch, _)| patch.bounds());
-        // Not of the diagonal: the squares of lengths may be too small to be numbers.
-        let finest = FINEST * Aabb::around(around).size().max_element();
+        let finest = FINEST * Aabb::around(around).size().length();
         // A stack of patches, and of nodes whose exits are known once all above them on the stack are done.
         enum Task {
             Add(Patch, BVec3),
