@@ -4,6 +4,7 @@
 //! calling thread are woken once, when a frame begins, and look for work without sleeping until it ends. Nobody waits for
 //! one that is not awake yet, or whose core something else has just taken: what it would do, the calling thread does.
 
+use arrayvec::ArrayVec;
 use rayon::{ThreadPool, Yield};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -26,6 +27,9 @@ const LOOKS_BEFORE_SLEEP: usize = 1024;
 /// So often, for a microsecond or so, the calling thread looks whether helpers that should look for work do. One that was
 /// given a task while it has no core would hold up the frame.
 const LOOKS_AT_HELPERS: usize = 32;
+
+/// Of so many tasks the next ones are known, to be taken from both ends.
+const KNOWN_TASKS: usize = 128;
 
 /// The threads that share the work; none when one is to do it all.
 #[derive(Clone, Debug, Default)]
@@ -106,7 +110,8 @@ impl Workers {
         }
     }
 
-    /// Does the work for every task, which must not depend on each other.
+    /// Does the work for every task, which must not depend on each other. The calling thread takes the first ones and helpers the
+    /// last ones, so that from phase to phase and frame to frame each meets mostly what it wrote itself.
     pub(crate) fn for_each<T: Send>(
         &self,
         mut tasks: impl Iterator<Item = T> + Send,
@@ -122,18 +127,57 @@ impl Workers {
                 work(other);
                 continue;
             }
-            let rest = Mutex::new(std::iter::once(other).chain(tasks));
-            let next = || rest.lock().unwrap_or_else(PoisonError::into_inner).next();
-            let work_off = || {
+            let rest = Mutex::new(Queue::of(std::iter::once(other).chain(tasks)));
+            let lock = || rest.lock().unwrap_or_else(PoisonError::into_inner);
+            let from_first = || {
+                work(own);
+                let next = || lock().first();
                 while let Some(task) = next() {
                     work(task);
                 }
             };
-            let first = || {
-                work(own);
-                work_off();
+            let from_last = || {
+                let next = || lock().last();
+                while let Some(task) = next() {
+                    work(task);
+                }
             };
-            return team.share(helpers, first, work_off);
+            return team.share(helpers, from_first, from_last);
+        }
+    }
+}
+
+/// Tasks to be taken from both ends, as far as the next ones are known.
+struct Queue<T, I> {
+    known: ArrayVec<Option<T>, KNOWN_TASKS>,
+    /// How many of these are gone from the beginning.
+    gone: usize,
+    others: I,
+}
+
+impl<T, I: Iterator<Item = T>> Queue<T, I> {
+    fn of(others: I) -> Self {
+        Self { known: ArrayVec::new(), gone: 0, others }
+    }
+
+    fn first(&mut self) -> Option<T> {
+        self.look_ahead();
+        let task = self.known.get_mut(self.gone)?.take();
+        self.gone += 1;
+        task
+    }
+
+    fn last(&mut self) -> Option<T> {
+        self.look_ahead();
+        self.known.pop().flatten()
+    }
+
+    /// Fills up what is known once that is gone.
+    fn look_ahead(&mut self) {
+        if self.gone == self.known.len() {
+            self.gone = 0;
+            self.known.clear();
+            self.known.extend(self.others.by_ref().take(KNOWN_TASKS).map(Some));
         }
     }
 }

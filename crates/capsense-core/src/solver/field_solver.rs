@@ -354,7 +354,9 @@ impl FieldSolver {
 
     /// Makes the table that answers frames on small meshes, from the fields of the empty scene.
     pub(crate) fn tabulate(&mut self, matrix: &StiffnessMatrix, fixed: &[bool]) {
-        if let Vectors::Csr(fields) = &self.vectors {
+        if let Vectors::Csr(fields) = &mut self.vectors {
+            fields.refresh_inverse();
+            let fields = &*fields;
             let potential = |column: usize, row: usize| fields.potential(column, row);
             let inverse = |nodes: &[u32]| fields.inverse(nodes);
             let energies = &self.bracket.energies;

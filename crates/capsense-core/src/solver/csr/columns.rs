@@ -217,20 +217,14 @@ impl<const L: usize> Columns<L> {
         }
     }
 
-    /// K x at some rows and at all objects, and the energies with it.
-    pub(super) fn evaluate_rows(&mut self, rows: &Rows, some: &[u32]) {
-        let Self { x, kx, energies, .. } = self;
-        let (x, objects) = x.split_at(rows.len());
-        vectorised_by_eight(
-            #[inline(always)]
-            || {
-                for row in some.iter().map(|&row| row as usize) {
-                    let before = kx[row];
-                    evaluate_strip(rows, x, 0, objects, &mut kx[row..=row], row);
-                    add_change(energies, &x[row], &before, &kx[row]);
-                }
-            },
-        );
+    /// x and K x of nodes, and x of objects.
+    pub(super) fn parts(&mut self, rows: &Rows) -> (&[[f64; L]], &mut [[f64; L]], &[[f64; L]]) {
+        let (x, objects) = self.x.split_at(rows.len());
+        (x, &mut self.kx[..rows.len()], objects)
+    }
+
+    /// K x at all objects, and the energies with it.
+    pub(super) fn refresh_objects(&mut self, rows: &Rows) {
         self.add_energies_of_objects(rows, -1.0);
         self.evaluate_objects(rows);
         self.add_energies_of_objects(rows, 1.0);
@@ -318,7 +312,12 @@ pub(super) fn add_raise<const L: usize>(
 
 /// Adds to the energies what it makes of them that the charges of a row have changed.
 #[inline(always)]
-fn add_change<const L: usize>(energies: &mut [[f64; L]; L], x: &[f64; L], before: &[f64; L], now: &[f64; L]) {
+pub(super) fn add_change<const L: usize>(
+    energies: &mut [[f64; L]; L],
+    x: &[f64; L],
+    before: &[f64; L],
+    now: &[f64; L],
+) {
     for (energies, &x) in energies.iter_mut().zip(x) {
         for lane in 0..L {
             energies[lane] += x * (now[lane] - before[lane]);
@@ -424,7 +423,7 @@ fn slab(rows: &Rows, workers: &Workers) -> usize {
 
 /// K x at consecutive rows from `from` on. The rows of x count from `first`.
 #[inline(always)]
-fn evaluate_strip<const L: usize>(
+pub(super) fn evaluate_strip<const L: usize>(
     rows: &Rows,
     x: &[[f64; L]],
     first: usize,

@@ -82,23 +82,14 @@ impl<const L: usize> Increment<L> {
         true
     }
 
-    /// Before K x of some rows is computed anew.
-    pub(super) fn leave(&mut self, some: &[u32], kx: &[[f64; L]]) {
-        if self.is_known {
-            for row in some.iter().map(|&row| row as usize) {
-                self.products.add_row(&self.fields[row].map(|d| -d), &self.charges[row], &kx[row]);
-            }
-        }
+    /// d and q, to be computed anew where K changed; q is empty where there was no change.
+    pub(super) fn followed(&mut self) -> (&[[f64; L]], &mut [[f64; L]]) {
+        (&self.fields, if self.is_known { &mut self.charges } else { &mut [] })
     }
 
-    /// And after: recomputes q there.
-    pub(super) fn refresh(&mut self, rows: &Rows, some: &[u32], kx: &[[f64; L]]) {
-        if self.is_known {
-            for row in some.iter().map(|&row| row as usize) {
-                self.charges[row] = rows.product(row, &self.fields, 0);
-                self.products.add_row(&self.fields[row], &self.charges[row], &kx[row]);
-            }
-        }
+    /// Adds to the products what followed from that.
+    pub(super) fn add_products(&mut self, more: &ChangeProducts<L>) {
+        self.products.add(more);
     }
 
     /// Begins a solve: leads fields as far along the last change as lowers their energies most, and relaxes the rows that

@@ -18,6 +18,7 @@ mod ordering;
 mod pattern;
 mod relaxation;
 mod rows;
+mod stale;
 #[cfg(test)]
 mod tests;
 
@@ -32,6 +33,7 @@ use columns::{Along, Columns, Sums, add_products};
 use increment::Increment;
 use inverse::{Approximate, Inverse, Preconditioned, Told};
 use rows::Rows;
+use stale::Stale;
 
 /// Above this part of the rows, recomputing all of K x costs less than finding the rows that changed.
 const MANY: usize = 4;
@@ -65,28 +67,9 @@ pub(crate) struct Solver<const L: usize> {
     /// zᵀKz and zᵀKp of each column.
     products: [Vec<f64>; 2],
     /// Rows in which K x is not what K and x say.
-    stale: Stale,
-}
-
-/// A list of rows without repetition.
-#[derive(Clone, Debug)]
-struct Stale {
-    rows: Vec<u32>,
-    marked: Vec<bool>,
-}
-
-impl Stale {
-    fn push(&mut self, row: u32) {
-        if !std::mem::replace(&mut self.marked[row as usize], true) {
-            self.rows.push(row);
-        }
-    }
-
-    fn clear(&mut self) {
-        for row in self.rows.drain(..) {
-            self.marked[row as usize] = false;
-        }
-    }
+    stale: Stale<L>,
+    /// Whether the inverse is still to be told of rows that changed.
+    inverse_is_stale: bool,
 }
 
 /// The row of each node in the solver's order, and for each level of the aggregation hierarchy that the matrix of the
@@ -159,12 +142,18 @@ impl CsrSolver {
         for_width!(self, of => of.clear());
     }
 
-    /// K⁻¹ between some free nodes, by columns, where the preconditioner is exact.
+    /// K⁻¹ between some free nodes, by columns, where the preconditioner is exact. [`CsrSolver::refresh_inverse`] must have been
+    /// called since the matrix changed.
     pub(crate) fn inverse(&self, nodes: &[u32]) -> Option<Vec<f64>> {
         for_width!(self, of => {
             let rows: Vec<usize> = nodes.iter().map(|&node| of.rows.row_of(node as usize)).collect();
             of.inverse.exact(&rows)
         })
+    }
+
+    /// Tells the inverse of the rows that changed. An iteration does that by itself.
+    pub(crate) fn refresh_inverse(&mut self) {
+        for_width!(self, of => of.refresh_inverse());
     }
 
     /// Finds the bodies of very high permittivity, which need a direction of their own.
@@ -250,7 +239,8 @@ impl<const L: usize> Solver<L> {
             products: [vec![0.0; columns], vec![0.0; columns]],
             gains: vec![0.0; columns * columns],
             finest_gains: vec![0.0; columns * columns],
-            stale: Stale { rows: Vec::new(), marked: vec![false; nodes] },
+            stale: Stale::below(nodes),
+            inverse_is_stale: false,
         }
     }
 
@@ -288,26 +278,29 @@ impl<const L: usize> Solver<L> {
     }
 
     fn refresh(&mut self, matrix: &StiffnessMatrix, fixed: &[bool], changed: impl Iterator<Item = u32>) {
+        self.refresh_inverse();
         self.rows.refresh(matrix, fixed, changed, &self.workers);
+        self.inverse_is_stale = true;
         self.rows.changed().iter().for_each(|&row| self.stale.push(row));
-        if self.stale.rows.len() * MANY > self.rows.len() {
-            self.inverse.refresh(&self.rows);
+        if self.stale.len() * MANY > self.rows.len() {
             self.evaluate();
         } else {
-            let Self { rows, groups, increments, inverse, stale, workers, .. } = self;
-            let charges = || {
-                stale.rows.sort_unstable();
-                for (group, increment) in groups.iter_mut().zip(increments) {
-                    increment.leave(&stale.rows, &group.kx);
-                    group.evaluate_rows(rows, &stale.rows);
-                    increment.refresh(rows, &stale.rows, &group.kx);
-                }
-            };
-            workers.both(|| inverse.refresh(rows), charges);
+            let Self { rows, groups, increments, stale, workers, .. } = self;
+            stale.sort();
+            for (group, increment) in groups.iter_mut().zip(increments) {
+                stale.evaluate(rows, group, increment, workers);
+            }
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
             self.add_cross_energies();
         }
         self.stale.clear();
+    }
+
+    /// Tells the inverse of the rows that changed, if it was not told yet.
+    fn refresh_inverse(&mut self) {
+        if std::mem::take(&mut self.inverse_is_stale) {
+            self.inverse.refresh(&self.rows);
+        }
     }
 
     fn evaluate(&mut self) {
@@ -359,10 +352,21 @@ impl<const L: usize> Solver<L> {
     }
 
     fn go_ahead(&mut self) {
+        let Self { rows, groups, increments, inverse, workers, .. } = self;
+        let inverse_is_stale = std::mem::take(&mut self.inverse_is_stale);
         let mut has_changed = false;
-        for (increment, group) in self.increments.iter_mut().zip(&mut self.groups) {
-            has_changed |= increment.go_ahead(&self.rows, group);
-        }
+        let lead = || {
+            for (increment, group) in increments.iter_mut().zip(groups) {
+                has_changed |= increment.go_ahead(rows, group);
+            }
+        };
+        // Neither needs the other.
+        let refresh = || {
+            if inverse_is_stale {
+                inverse.refresh(rows);
+            }
+        };
+        workers.both(lead, refresh);
         if has_changed {
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
             self.add_cross_energies();
@@ -379,6 +383,7 @@ impl<const L: usize> Solver<L> {
     }
 
     fn descend(&mut self) {
+        self.refresh_inverse();
         if !self.inverse.is_multigrid() {
             self.catch_up();
         }

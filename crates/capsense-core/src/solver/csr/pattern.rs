@@ -16,6 +16,12 @@ const LARGEST_COARSE_BLOCK: usize = 4096;
 /// 131 iterations, in one block 29.
 const THICKNESS: usize = 8;
 
+/// What a branch costs that goes another way than expected, in entries that could be read in its time.
+const UNEXPECTED_BRANCH: usize = 12;
+
+/// Processors remember which ways the branches of so few rows go.
+const KNOWN_BY_HEART: usize = 1000;
+
 /// The entries of a matrix without its diagonal.
 #[derive(Clone, Debug)]
 pub(super) struct Pattern {
@@ -47,17 +53,24 @@ enum Part {
 impl Pattern {
     /// `neighbours` lists those of a row, which keep their order within each part.
     pub(super) fn new(rows: usize, neighbours: impl Fn(usize, &mut Vec<u32>)) -> Self {
-        Self::in_blocks_of(LARGEST_BLOCK, rows, neighbours)
+        Self::in_blocks_of(LARGEST_BLOCK, rows, neighbours, false)
     }
 
-    /// The same for a level coarser than another one.
+    /// The same for a level coarser than another one. The parts of rows within a block are filled up to some common length,
+    /// where they are not empty: entries that repeat the first of a part, and must never weigh anything. A loop that ends
+    /// sooner or later from row to row takes twice as long.
     pub(super) fn coarser(finer: &Self, rows: usize, neighbours: impl Fn(usize, &mut Vec<u32>)) -> Self {
         // Where one thread does all of a level, more blocks are of no use below it.
         let largest = if finer.blocks() > 1 { LARGEST_COARSE_BLOCK } else { LARGEST_BLOCK };
-        Self::in_blocks_of(largest, rows, neighbours)
+        Self::in_blocks_of(largest, rows, neighbours, rows > KNOWN_BY_HEART)
     }
 
-    fn in_blocks_of(largest: usize, rows: usize, neighbours: impl Fn(usize, &mut Vec<u32>)) -> Self {
+    fn in_blocks_of(
+        largest: usize,
+        rows: usize,
+        neighbours: impl Fn(usize, &mut Vec<u32>),
+        fills: bool,
+    ) -> Self {
         let mut around = Vec::new();
         let mut bandwidth = 0;
         for row in 0..rows {
@@ -71,14 +84,29 @@ impl Pattern {
             columns: Vec::new(),
             border: Vec::new(),
         };
+        let mut lengths = [Vec::new(), Vec::new()];
+        for row in (0..rows).filter(|_| fills) {
+            around.clear();
+            neighbours(row, &mut around);
+            for (lengths, part) in lengths.iter_mut().zip([Part::Lower, Part::Higher]) {
+                let of_part = around.iter().filter(|&&other| pattern.part(row, other as usize) == part);
+                count(lengths, of_part.count());
+            }
+        }
+        let common = lengths.map(|lengths| common_length(&lengths));
         for row in 0..rows {
             around.clear();
             neighbours(row, &mut around);
             let mut columns = std::mem::take(&mut pattern.columns);
             let [lower, higher, far] = [Part::Lower, Part::Higher, Part::Far].map(|part| {
-                let start = columns.len() as u32;
+                let start = columns.len();
                 columns.extend(around.iter().filter(|&&other| pattern.part(row, other as usize) == part));
-                start
+                let length = columns.len() - start;
+                if fills && length > 0 && part != Part::Far {
+                    let common = common[usize::from(part == Part::Higher)];
+                    columns.resize(start + length.next_multiple_of(2).max(common), columns[start]);
+                }
+                start as u32
             });
             pattern.columns = columns;
             pattern.spans.push(Span { lower, higher, far });
@@ -163,10 +191,38 @@ impl Pattern {
         self.spans[row].far as usize..self.spans[row + 1].lower as usize
     }
 
+    /// Whether an entry of a row is there to fill it up.
+    pub(super) fn is_filling(&self, row: usize, entry: usize) -> bool {
+        let Span { lower, higher, .. } = self.spans[row];
+        [lower, higher].map(|first| first as usize).into_iter().any(|first| {
+            // Those of the lower part lead to none of the higher one.
+            entry > first && self.columns[entry] == self.columns[first]
+        })
+    }
+
     /// The entry of a row that leads to another, if there is one.
     pub(super) fn find(&self, row: u32, other: u32) -> Option<usize> {
         self.entries(row as usize).find(|&entry| self.columns[entry] == other)
     }
+}
+
+/// Notes one more of some length.
+fn count(lengths: &mut Vec<usize>, length: usize) {
+    lengths.resize(lengths.len().max(length + 1), 0);
+    lengths[length] += 1;
+}
+
+/// To what length parts are best filled up of which there are so many of each length: none that is longer counts against all
+/// entries that are read for nothing.
+fn common_length(lengths: &[usize]) -> usize {
+    let cost = |common: usize| -> usize {
+        let of_length = |(length, number): (usize, &usize)| match length <= common {
+            true => number * common,
+            false => number * (length.next_multiple_of(2) + UNEXPECTED_BRANCH),
+        };
+        lengths.iter().enumerate().skip(1).map(of_length).sum()
+    };
+    (0..lengths.len() + 1).step_by(2).min_by_key(|&common| cost(common)).unwrap_or(0)
 }
 
 /// Blocks are alike, and an even number of them, so that two threads have the same to do.

@@ -11,13 +11,19 @@ use std::sync::Arc;
 /// Rows that are evaluated together: what they take and give stays in the first cache.
 pub(super) const STRIP: usize = 256;
 
+/// Changed rows of which a thread takes the values over at a time.
+const ROWS_OF_A_TASK: usize = 256;
+
 /// The rows of all nodes: a Laplacian of weights, and its links to objects.
 #[derive(Clone, Debug)]
 pub(super) struct Rows {
-    /// The row of each node.
+    /// The row of each node, and the node of each row.
     row_of_node: Vec<u32>,
+    node_of_row: Vec<u32>,
     /// Parts of a row keep the order in which the matrix lists the neighbours.
     pattern: Arc<Pattern>,
+    /// For each row, of its neighbours in the order of the matrix, which of its entries are theirs.
+    places: Vec<u32>,
     weights: Vec<f64>,
     diagonal: Vec<f64>,
     /// Sum of the weights of each row's links.
@@ -50,15 +56,18 @@ impl Rows {
         });
         let mut node_of_row = vec![0; nodes];
         for (node, &row) in row_of_node.iter().enumerate() {
-            node_of_row[row as usize] = node;
+            node_of_row[row as usize] = node as u32;
         }
-        let pattern = Pattern::new(nodes, |row, found| {
-            found.extend(matrix.row(node_of_row[row]).map(|(other, _)| row_of_node[other]));
-        });
+        let neighbours =
+            |row: usize| matrix.row(node_of_row[row] as usize).map(|(other, _)| row_of_node[other]);
+        let pattern = Pattern::new(nodes, |row, found| found.extend(neighbours(row)));
+        let places = (0..nodes).flat_map(|row| places(&pattern, row, neighbours(row))).collect();
         Self {
-            row_of_node,
+            places,
+            node_of_row,
             weights: vec![0.0; pattern.columns().len()],
             reach: reach(&pattern),
+            row_of_node,
             pattern: Arc::new(pattern),
             diagonal: vec![0.0; nodes],
             link_sums: vec![0.0; nodes],
@@ -91,27 +100,34 @@ impl Rows {
         if changed.peek().is_none() {
             return;
         }
-        let Self { row_of_node, pattern, weights, diagonal, link_sums, .. } = self;
-        let (is_fixed, links, rows) = (&mut self.fixed, &mut self.links, &mut self.changed);
-        let (row_of_node, pattern) = (&*row_of_node, &**pattern);
+        for node in changed {
+            let row = self.row_of_node[node] as usize;
+            self.changed.insert(row);
+            if std::mem::replace(&mut self.fixed[row], fixed[node]) != fixed[node] {
+                let around = &self.pattern.columns()[self.pattern.entries(row)];
+                around.iter().for_each(|&other| self.changed.insert(other as usize));
+            }
+        }
+        self.changed.sort();
+        let Self { row_of_node, node_of_row, pattern, places, changed, links, .. } = self;
+        let mut values = Values {
+            first_row: 0,
+            first_entry: 0,
+            weights: &mut self.weights,
+            diagonal: &mut self.diagonal,
+            link_sums: &mut self.link_sums,
+        };
+        let tasks = changed.numbers().chunks(ROWS_OF_A_TASK).map(|rows| {
+            let last = rows[rows.len() - 1] as usize;
+            (rows, values.split_to(last + 1, pattern.entries(last).end))
+        });
         let take_rows = || {
-            changed.for_each(|node| {
-                let row = row_of_node[node] as usize;
-                rows.insert(row);
-                take_weights(
-                    pattern,
-                    weights,
-                    row,
-                    matrix.row(node).map(|(other, w)| (row_of_node[other], w)),
-                );
-                diagonal[row] = matrix.diagonal(node);
-                link_sums[row] = matrix.link_weight(node);
-                if std::mem::replace(&mut is_fixed[row], fixed[node]) != fixed[node] {
-                    let around = &pattern.columns()[pattern.entries(row)];
-                    around.iter().for_each(|&other| rows.insert(other as usize));
+            workers.for_each(tasks, |(rows, mut values)| {
+                for row in rows.iter().map(|&row| row as usize) {
+                    let entries = pattern.entries(row);
+                    values.take(row, &entries, &places[entries.clone()], matrix, node_of_row[row] as usize);
                 }
             });
-            rows.sort();
         };
         let take_links = || {
             links.clear();
@@ -121,7 +137,7 @@ impl Rows {
                 weight,
                 place,
             }));
-            links.sort_unstable_by_key(|link| (link.row, link.place));
+            links.sort_unstable_by_key(|link| u64::from(link.row) << 32 | u64::from(link.place));
         };
         workers.both(take_rows, take_links);
     }
@@ -227,23 +243,64 @@ impl Rows {
     }
 }
 
-/// Takes over the weights of a row to its neighbours, in the order of the matrix.
-fn take_weights(
-    pattern: &Pattern,
-    weights: &mut [f64],
-    row: usize,
-    neighbours: impl Iterator<Item = (u32, f64)>,
-) {
+/// What is known of successive rows, from some row and entry on.
+struct Values<'a> {
+    first_row: usize,
+    first_entry: usize,
+    weights: &'a mut [f64],
+    diagonal: &'a mut [f64],
+    link_sums: &'a mut [f64],
+}
+
+impl<'a> Values<'a> {
+    /// Those up to a row and an entry; the rest is left.
+    fn split_to(&mut self, row: usize, entry: usize) -> Self {
+        let (rows, entries) = (row - self.first_row, entry - self.first_entry);
+        let first = Values {
+            first_row: self.first_row,
+            first_entry: self.first_entry,
+            weights: self.weights.split_off_mut(..entries).unwrap_or_default(),
+            diagonal: self.diagonal.split_off_mut(..rows).unwrap_or_default(),
+            link_sums: self.link_sums.split_off_mut(..rows).unwrap_or_default(),
+        };
+        (self.first_row, self.first_entry) = (row, entry);
+        first
+    }
+
+    /// Takes over what the matrix has at the node of a row, its neighbours at some places among its entries.
+    fn take(
+        &mut self,
+        row: usize,
+        entries: &Range<usize>,
+        places: &[u32],
+        matrix: &StiffnessMatrix,
+        node: usize,
+    ) {
+        let weights = &mut self.weights[entries.start - self.first_entry..entries.end - self.first_entry];
+        let mut places = places.iter();
+        matrix.row(node).for_each(|(_, weight)| {
+            if let Some(&place) = places.next() {
+                weights[place as usize] = weight;
+            }
+        });
+        self.diagonal[row - self.first_row] = matrix.diagonal(node);
+        self.link_sums[row - self.first_row] = matrix.link_weight(node);
+    }
+}
+
+/// Which of the entries of a row its neighbours are at, in the order in which they come.
+fn places(pattern: &Pattern, row: usize, neighbours: impl Iterator<Item = u32>) -> impl Iterator<Item = u32> {
+    let first = pattern.entries(row).start;
     let [mut lower, mut higher, mut far] = [pattern.lower(row), pattern.higher(row), pattern.far(row)];
     let block = pattern.block_of(row);
-    neighbours.for_each(|(other, weight)| {
+    neighbours.filter_map(move |other| {
         let entry = match (block.contains(&(other as usize)), (other as usize) < row) {
             (false, _) => far.next(),
             (true, true) => lower.next(),
             (true, false) => higher.next(),
         };
-        entry.into_iter().for_each(|entry| weights[entry] = weight);
-    });
+        entry.map(|entry| (entry - first) as u32)
+    })
 }
 
 /// sum += weight x.

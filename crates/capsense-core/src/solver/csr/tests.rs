@@ -86,7 +86,10 @@ impl Scene {
         threads: usize,
     ) -> Box<Solver<4>> {
         match self.solver(columns, preconditioner, threads) {
-            CsrSolver::Four(solver) => solver,
+            CsrSolver::Four(mut solver) => {
+                solver.refresh_inverse();
+                solver
+            }
             CsrSolver::Eight(_) => panic!("{columns} columns are more than four"),
         }
     }

@@ -69,8 +69,9 @@ impl Transfer {
     /// Makes the pattern of the coarse level, with the aggregate of each fine row and their number.
     pub(super) fn new(fine: &Level, aggregate: Vec<u32>, count: usize) -> (Self, Level) {
         let members = Lists::new(count, aggregate.iter().copied().zip(0..));
-        let fine_entries =
-            (0..fine.rows()).flat_map(|row| fine.pattern.entries(row).map(move |entry| (row, entry)));
+        let fine_entries = (0..fine.rows())
+            .flat_map(|row| fine.pattern.entries(row).map(move |entry| (row, entry)))
+            .filter(|&(row, entry)| !fine.pattern.is_filling(row, entry));
         let ends = |row: usize, entry: usize| {
             let ends = [aggregate[row], aggregate[fine.pattern.columns()[entry] as usize]];
             (ends[0] != ends[1] && !ends.contains(&NONE)).then_some(ends)
