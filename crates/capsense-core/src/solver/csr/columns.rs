@@ -217,10 +217,9 @@ impl<const L: usize> Columns<L> {
         }
     }
 
-    /// x and K x of nodes, and x of objects.
-    pub(super) fn parts(&mut self, rows: &Rows) -> (&[[f64; L]], &mut [[f64; L]], &[[f64; L]]) {
-        let (x, objects) = self.x.split_at(rows.len());
-        (x, &mut self.kx[..rows.len()], objects)
+    /// x, and K x to be computed anew.
+    pub(super) fn parts(&mut self) -> (&[[f64; L]], &mut [[f64; L]]) {
+        (&self.x, &mut self.kx)
     }
 
     /// K x at all objects, and the energies with it.
@@ -238,15 +237,6 @@ impl<const L: usize> Columns<L> {
     /// The energy of each column.
     pub(super) fn own_energies(&self) -> [f64; L] {
         std::array::from_fn(|lane| self.energies[lane][lane])
-    }
-
-    /// A free row takes another potential. What that changes at objects is to be evaluated.
-    #[inline(always)]
-    pub(super) fn raise(&mut self, rows: &Rows, row: usize, by: &[f64; L]) {
-        let Self { x, kx, energies, .. } = self;
-        add_raise(energies, &kx[row], rows.diagonal()[row], by);
-        add(&mut x[row], by);
-        rows.add_charges(row, by, kx);
     }
 
     /// Adds `sign` times the part of the energies that is of rows of objects.

@@ -8,6 +8,7 @@ use super::columns::{Columns, add};
 use super::relaxation::Relaxed;
 use super::rows::Rows;
 use crate::solver::worth::{self, Worth};
+use crate::workers::Workers;
 
 /// The last change of a group of columns.
 #[derive(Clone, Debug)]
@@ -93,14 +94,20 @@ impl<const L: usize> Increment<L> {
     }
 
     /// Begins a solve: leads fields as far along the last change as lowers their energies most, and relaxes the rows that
-    /// changed as they will be there. Returns whether that changes energies.
-    pub(super) fn go_ahead(&mut self, rows: &Rows, columns: &mut Columns<L>) -> bool {
+    /// changed as they will be there. Returns whether that changes energies. Meanwhile another thread does what does not depend
+    /// on it.
+    pub(super) fn go_ahead(
+        &mut self,
+        rows: &Rows,
+        columns: &mut Columns<L>,
+        beside: (&Workers, impl FnOnce() + Send),
+    ) -> bool {
         self.has_moved = false;
         let before = self.ahead;
         self.lead(columns.energies());
         let Self { relaxed, products, charges, ahead, .. } = self;
         let ahead = Ahead { charges, lengths: *ahead };
-        let has_relaxed = relaxed.relax(rows, columns, ahead, &mut products.with_fields);
+        let has_relaxed = relaxed.relax(rows, columns, ahead, &mut products.with_fields, beside);
         if has_relaxed {
             self.lead(columns.energies());
         }

@@ -265,8 +265,8 @@ impl<const L: usize> Solver<L> {
         let changes_charges = self.increments[column / L].hold(row, column % L, &group.kx[row]);
         if (before.to_bits() != value.to_bits() || changes_charges) && row < self.rows.len() {
             // What K x is there and at all neighbours.
-            self.stale.push(row as u32);
-            self.rows.row(row).0.iter().for_each(|&other| self.stale.push(other));
+            self.stale.insert(row as u32);
+            self.rows.row(row).0.iter().for_each(|&other| self.stale.insert(other));
         }
     }
 
@@ -281,7 +281,7 @@ impl<const L: usize> Solver<L> {
         self.refresh_inverse();
         self.rows.refresh(matrix, fixed, changed, &self.workers);
         self.inverse_is_stale = true;
-        self.rows.changed().iter().for_each(|&row| self.stale.push(row));
+        self.rows.changed().iter().for_each(|&row| self.stale.insert(row));
         if self.stale.len() * MANY > self.rows.len() {
             self.evaluate();
         } else {
@@ -353,20 +353,13 @@ impl<const L: usize> Solver<L> {
 
     fn go_ahead(&mut self) {
         let Self { rows, groups, increments, inverse, workers, .. } = self;
-        let inverse_is_stale = std::mem::take(&mut self.inverse_is_stale);
+        let mut stale_inverse = std::mem::take(&mut self.inverse_is_stale).then_some(inverse);
         let mut has_changed = false;
-        let lead = || {
-            for (increment, group) in increments.iter_mut().zip(groups) {
-                has_changed |= increment.go_ahead(rows, group);
-            }
-        };
-        // Neither needs the other.
-        let refresh = || {
-            if inverse_is_stale {
-                inverse.refresh(rows);
-            }
-        };
-        workers.both(lead, refresh);
+        for (increment, group) in increments.iter_mut().zip(groups) {
+            let stale_inverse = stale_inverse.take();
+            let meanwhile = || stale_inverse.into_iter().for_each(|inverse| inverse.refresh(rows));
+            has_changed |= increment.go_ahead(rows, group, (workers, meanwhile));
+        }
         if has_changed {
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
             self.add_cross_energies();

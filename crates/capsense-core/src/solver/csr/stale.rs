@@ -6,16 +6,16 @@ use super::columns::{Columns, add, add_change, evaluate_strip};
 use super::increment::Increment;
 use super::rows::Rows;
 use crate::instructions::vectorised_by_eight;
+use crate::occupancy::IndexList;
 use crate::workers::Workers;
 
 /// Rows that a thread takes at a time. Sums are made by task and added in the order of the rows.
 const ROWS_OF_A_TASK: usize = 256;
 
-/// A list of rows without repetition.
+/// A list of rows.
 #[derive(Clone, Debug)]
 pub(super) struct Stale<const L: usize> {
-    rows: Vec<u32>,
-    marked: Vec<bool>,
+    rows: IndexList,
     /// What each task changes.
     partial: Vec<Changed<L>>,
 }
@@ -43,28 +43,24 @@ impl<const L: usize> Changed<L> {
 impl<const L: usize> Stale<L> {
     /// None, of so many rows.
     pub(super) fn below(rows: usize) -> Self {
-        Self { rows: Vec::new(), marked: vec![false; rows], partial: Vec::new() }
+        Self { rows: IndexList::below(rows), partial: Vec::new() }
     }
 
-    pub(super) fn push(&mut self, row: u32) {
-        if !std::mem::replace(&mut self.marked[row as usize], true) {
-            self.rows.push(row);
-        }
+    pub(super) fn insert(&mut self, row: u32) {
+        self.rows.insert(row as usize);
     }
 
     pub(super) fn clear(&mut self) {
-        for row in self.rows.drain(..) {
-            self.marked[row as usize] = false;
-        }
+        self.rows.clear();
     }
 
     pub(super) fn len(&self) -> usize {
-        self.rows.len()
+        self.rows.numbers().len()
     }
 
     /// Puts them in order, before they are evaluated.
     pub(super) fn sort(&mut self) {
-        self.rows.sort_unstable();
+        self.rows.sort();
     }
 
     /// Computes K x at these rows and at all objects, the charges of the change that is followed, and the sums over both.
@@ -75,11 +71,13 @@ impl<const L: usize> Stale<L> {
         increment: &mut Increment<L>,
         workers: &Workers,
     ) {
-        let Self { rows: stale, partial, .. } = self;
+        let Self { rows: stale, partial } = self;
+        let stale = stale.numbers();
         partial.clear();
         partial.resize(stale.len().div_ceil(ROWS_OF_A_TASK), Changed::default());
         let (fields, mut charges) = increment.followed();
-        let (x, mut kx, objects) = columns.parts(rows);
+        let (x, mut kx) = columns.parts();
+        let (x, objects) = x.split_at(rows.len());
         let mut first = 0;
         let tasks = stale.chunks(ROWS_OF_A_TASK).zip(partial.iter_mut()).map(|(stale, changed)| {
             let end = stale[stale.len() - 1] as usize + 1;
