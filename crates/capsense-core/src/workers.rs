@@ -342,6 +342,31 @@ mod tests {
         assert_eq!(done.into_inner(), 10);
     }
 
+    /// So that in the next phase each finds what it wrote itself; also where there are more tasks than are known at once.
+    #[test]
+    fn the_caller_takes_the_first_tasks_and_helpers_the_last_ones() {
+        let (workers, caller) = (Workers::new(2, ROWS), current().id());
+        let _awake = workers.wake_all();
+        let mut were_shared = 0;
+        while were_shared < 20 {
+            let mut by_caller = [None; 3 * KNOWN_TASKS];
+            for count in [KNOWN_TASKS, by_caller.len()] {
+                by_caller.fill(None);
+                workers.for_each(by_caller[..count].iter_mut(), |by_caller| {
+                    assert_eq!(*by_caller, None);
+                    *by_caller = Some(current().id() == caller);
+                    std::thread::yield_now();
+                });
+                assert!(by_caller[..count].iter().all(Option::is_some));
+                if count == KNOWN_TASKS {
+                    let known = &by_caller[..count];
+                    assert!(known.is_sorted_by_key(|by_caller| *by_caller == Some(false)), "{known:?}");
+                    were_shared += usize::from(known.contains(&Some(false)));
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_helper_does_the_second_of_two_things_and_then_helps_with_the_first() {
         let workers = Workers::new(2, ROWS);

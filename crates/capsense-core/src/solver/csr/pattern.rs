@@ -261,4 +261,35 @@ mod tests {
         // A row at either side of the border.
         assert_eq!(below(&large, 5_000).border(), [2_499, 2_500]);
     }
+
+    /// Lengths that most parts have cost little to reach; few longer ones are not worth filling up all others.
+    #[test]
+    fn parts_are_filled_up_to_what_most_of_them_have() {
+        assert_eq!(common_length(&[5, 0, 0, 30, 40, 50, 40, 0, 0, 2]), 6);
+        assert_eq!(common_length(&[]), 0);
+    }
+
+    /// Rows of coarse levels have the entries that they would have, in their order, and such as repeat the first of a part.
+    #[test]
+    fn rows_of_coarse_levels_are_filled_up() {
+        let rows = KNOWN_BY_HEART + 200;
+        let neighbours = move |row: usize, found: &mut Vec<u32>| {
+            let reach = 2 + row % 3;
+            let around = row.saturating_sub(reach)..(row + reach + 1).min(rows);
+            found.extend(around.filter(|&other| other != row).map(|other| other as u32));
+        };
+        let plain = Pattern::new(rows, neighbours);
+        let filled = Pattern::coarser(&plain, rows, neighbours);
+        let lengths: Vec<usize> = (50..rows - 50).map(|row| filled.lower(row).len()).collect();
+        assert!(lengths.iter().all(|length| *length == 4), "{:?}", &lengths[..9]);
+        for row in 0..rows {
+            let own = filled.entries(row).filter(|&entry| !filled.is_filling(row, entry));
+            let own: Vec<u32> = own.map(|entry| filled.columns()[entry]).collect();
+            assert_eq!(own, plain.columns()[plain.entries(row)], "{row}");
+        }
+        let small = Pattern::coarser(&plain, KNOWN_BY_HEART, move |row, found| {
+            found.extend((row > 0).then(|| row as u32 - 1));
+        });
+        assert_eq!(small.columns().len(), KNOWN_BY_HEART - 1);
+    }
 }

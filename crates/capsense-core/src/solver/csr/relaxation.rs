@@ -195,6 +195,12 @@ impl<const L: usize> Relaxed<L> {
         self.rows.len()
     }
 
+    /// Whether all turns were had.
+    #[cfg(test)]
+    pub(super) fn is_done(&self) -> bool {
+        !self.waits.contains(&true) && !self.is_listed.contains(&true)
+    }
+
     /// Forgets them.
     pub(super) fn clear(&mut self) {
         self.rows.clear();

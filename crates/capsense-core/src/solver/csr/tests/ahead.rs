@@ -123,7 +123,9 @@ fn the_last_change_is_all_that_fields_changed_by() {
         scene.tell(&mut solver);
         solver.go_ahead();
     }
-    let relaxed = of_four(&solver).increments[0].relaxed.len();
+    let relaxed = &of_four(&solver).increments[0].relaxed;
+    assert!(relaxed.is_done());
+    let relaxed = relaxed.len();
     iterate(&mut solver, 1);
     let (solver, now) = (of_four(&solver), fields(&solver));
     let (increment, rows) = (&solver.increments[0], &solver.rows);
