@@ -18,7 +18,7 @@ pub(super) trait Operator {
     fn evaluate(&mut self);
 
     /// Takes the fields for where a steady motion leads them, if they are known to be in one, and [`Operator::state`] with
-    /// them; they need not be moved for that.
+    /// them; they need not be moved for that. What has to be told of rows that changed before the way down may be told meanwhile.
     fn go_ahead(&mut self) {}
 
     /// RᵀMR of the active columns, row by row, all pairs.

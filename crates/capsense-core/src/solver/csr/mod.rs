@@ -126,7 +126,7 @@ impl CsrSolver {
     }
 
     /// Takes over a changed matrix. `changed` must hold every node whose row changed or that became fixed or free
-    /// since the last call; all nodes at the first. K x and the energies are right again afterwards; other sums of
+    /// since the last call; all nodes at the first. The inverse is told when it is needed. K x and the energies are right again afterwards; other sums of
     /// [`Operator::state`] are those of the last step or [`Operator::evaluate`].
     pub(crate) fn refresh(
         &mut self,
@@ -353,13 +353,14 @@ impl<const L: usize> Solver<L> {
 
     fn go_ahead(&mut self) {
         let Self { rows, groups, increments, inverse, workers, .. } = self;
-        let mut stale_inverse = std::mem::take(&mut self.inverse_is_stale).then_some(inverse);
+        let mut stale_inverse = self.inverse_is_stale.then_some(inverse);
         let mut has_changed = false;
         for (increment, group) in increments.iter_mut().zip(groups) {
             let stale_inverse = stale_inverse.take();
             let meanwhile = || stale_inverse.into_iter().for_each(|inverse| inverse.refresh(rows));
             has_changed |= increment.go_ahead(rows, group, (workers, meanwhile));
         }
+        self.inverse_is_stale = false;
         if has_changed {
             (0..self.groups.len()).for_each(|index| self.take_energies(index));
             self.add_cross_energies();

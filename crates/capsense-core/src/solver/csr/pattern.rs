@@ -44,7 +44,7 @@ struct Span {
 
 /// The three parts of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Part {
+pub(super) enum Part {
     Lower,
     Higher,
     Far,
@@ -120,14 +120,8 @@ impl Pattern {
         pattern
     }
 
-    /// The rows of the block that a row is in, as if the last block had as many as the others.
-    pub(super) fn block_of(&self, row: usize) -> Range<usize> {
-        let first = row / self.block * self.block;
-        first..first + self.block
-    }
-
     /// Where a row lists another.
-    fn part(&self, row: usize, other: usize) -> Part {
+    pub(super) fn part(&self, row: usize, other: usize) -> Part {
         match (row / self.block == other / self.block, other < row) {
             (false, _) => Part::Far,
             (true, true) => Part::Lower,
@@ -212,8 +206,8 @@ fn count(lengths: &mut Vec<usize>, length: usize) {
     lengths[length] += 1;
 }
 
-/// To what length parts are best filled up of which there are so many of each length: none that is longer counts against all
-/// entries that are read for nothing.
+/// To what length parts are best filled up of which there are so many of each length: one that is longer costs a branch, one that
+/// is shorter the entries that are read for nothing.
 fn common_length(lengths: &[usize]) -> usize {
     let cost = |common: usize| -> usize {
         let of_length = |(length, number): (usize, &usize)| match length <= common {

@@ -67,13 +67,18 @@ struct Region<'a, const L: usize> {
     is_listed: &'a mut [bool],
 }
 
+/// How many of so many rows the first region has.
+fn of_first_region(changed: usize) -> usize {
+    (OF_FIRST_REGION * changed).div_ceil(8)
+}
+
 impl<const L: usize> Turns<L> {
-    /// Room for those of a part of so many rows.
-    fn new(rows: usize) -> Self {
+    /// Room for as many as so many changed rows have.
+    fn new(changed: usize) -> Self {
         Self {
-            queue: Vec::with_capacity(rows / FEW * TURNS / 2),
-            at_border: Vec::with_capacity(rows / FEW / TURNS),
-            listed: Vec::with_capacity(rows / FEW),
+            queue: Vec::with_capacity(TURNS * changed),
+            at_border: Vec::with_capacity(changed / TURNS),
+            listed: Vec::with_capacity(changed),
             energies: [[0.0; L]; L],
             with_fields: [[0.0; L]; L],
         }
@@ -124,11 +129,10 @@ impl<'a, const L: usize> Region<'a, L> {
         ]
     }
 
-    /// Relaxes rows from some on.
-    fn relax(mut self, rule: &Rule<'_, L>, turns: &mut Turns<L>, from: &[u32]) {
+    /// Relaxes rows from some on, with so many turns at most beside those.
+    fn relax(mut self, rule: &Rule<'_, L>, turns: &mut Turns<L>, from: &[u32], most: usize) {
         let rows = rule.rows;
         from.iter().for_each(|&row| self.enter(rows, turns, row));
-        let most = TURNS * from.len();
         let mut turn = 0;
         while let Some(&row) = turns.queue.get(turn) {
             let row = row as usize;
@@ -185,7 +189,7 @@ impl<const L: usize> Relaxed<L> {
             rows: Vec::with_capacity(rows),
             waits: vec![false; rows],
             is_listed: vec![false; rows],
-            turns: std::array::from_fn(|_| Turns::new(rows)),
+            turns: [of_first_region(rows / FEW), rows / FEW / 2, rows / FEW / TURNS].map(Turns::new),
         }
     }
 
@@ -227,16 +231,17 @@ impl<const L: usize> Relaxed<L> {
         let Self { waits, is_listed, turns, .. } = self;
         turns.iter_mut().for_each(Turns::clear);
         let [first, second, border] = turns;
-        let (of_first, of_second) = changed.split_at((OF_FIRST_REGION * changed.len()).div_ceil(8));
+        let (of_first, of_second) = changed.split_at(of_first_region(changed.len()));
         let cut = of_second.first().map_or(rows.len(), |&row| row as usize);
         let [below, above] = Region::of(rows, columns, waits, is_listed).split_at(cut);
         let relax_second = || {
             meanwhile();
-            above.relax(&rule, second, of_second);
+            above.relax(&rule, second, of_second, TURNS * of_second.len());
         };
-        workers.both(|| below.relax(&rule, first, of_first), relax_second);
+        workers.both(|| below.relax(&rule, first, of_first, TURNS * of_first.len()), relax_second);
         first.at_border.append(&mut second.at_border);
-        Region::of(rows, columns, waits, is_listed).relax(&rule, border, &first.at_border);
+        let left = (TURNS * changed.len()).saturating_sub(first.queue.len() + second.queue.len());
+        Region::of(rows, columns, waits, is_listed).relax(&rule, border, &first.at_border, left);
         let mut has_moved = false;
         for of in &self.turns {
             columns.add_energies(&of.energies);

@@ -1,7 +1,7 @@
 //! K in compressed rows, in the solver's own order of the nodes.
 
 use super::ordering::reverse_cuthill_mckee;
-use super::pattern::Pattern;
+use super::pattern::{Part, Pattern};
 use crate::occupancy::IndexList;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// Rows that are evaluated together: what they take and give stays in the first cache.
 pub(super) const STRIP: usize = 256;
 
-/// Changed rows of which a thread takes the values over at a time.
-const ROWS_OF_A_TASK: usize = 256;
+/// Changed rows that a thread takes at a time.
+pub(super) const ROWS_OF_A_TASK: usize = 256;
 
 /// The rows of all nodes: a Laplacian of weights, and its links to objects.
 #[derive(Clone, Debug)]
@@ -294,16 +294,15 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Which of the entries of a row its neighbours are at, in the order in which they come.
+/// Which of the entries of a row its neighbours are at, in the order in which they come. The pattern must not be filled up.
 fn places(pattern: &Pattern, row: usize, neighbours: impl Iterator<Item = u32>) -> impl Iterator<Item = u32> {
     let first = pattern.entries(row).start;
     let [mut lower, mut higher, mut far] = [pattern.lower(row), pattern.higher(row), pattern.far(row)];
-    let block = pattern.block_of(row);
     neighbours.filter_map(move |other| {
-        let entry = match (block.contains(&(other as usize)), (other as usize) < row) {
-            (false, _) => far.next(),
-            (true, true) => lower.next(),
-            (true, false) => higher.next(),
+        let entry = match pattern.part(row, other as usize) {
+            Part::Lower => lower.next(),
+            Part::Higher => higher.next(),
+            Part::Far => far.next(),
         };
         entry.map(|entry| (entry - first) as u32)
     })

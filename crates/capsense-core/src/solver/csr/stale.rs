@@ -4,19 +4,16 @@
 use super::change::ChangeProducts;
 use super::columns::{Columns, add, add_change, evaluate_strip};
 use super::increment::Increment;
-use super::rows::Rows;
+use super::rows::{ROWS_OF_A_TASK, Rows};
 use crate::instructions::vectorised_by_eight;
 use crate::occupancy::IndexList;
 use crate::workers::Workers;
-
-/// Rows that a thread takes at a time. Sums are made by task and added in the order of the rows.
-const ROWS_OF_A_TASK: usize = 256;
 
 /// A list of rows.
 #[derive(Clone, Debug)]
 pub(super) struct Stale<const L: usize> {
     rows: IndexList,
-    /// What each task changes.
+    /// What each task changes: sums are made by task and added in the order of the rows.
     partial: Vec<Changed<L>>,
 }
 

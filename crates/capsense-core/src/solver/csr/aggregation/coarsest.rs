@@ -23,7 +23,7 @@ impl Coarsest {
             self.factor[row * n + row] += f64::from(level.leak[row]);
             for entry in level.pattern.entries(row) {
                 let weight = f64::from(level.weights[entry]);
-                self.factor[row * n + level.pattern.columns()[entry] as usize] = -weight;
+                self.factor[row * n + level.pattern.columns()[entry] as usize] -= weight;
                 self.factor[row * n + row] += weight;
             }
         }

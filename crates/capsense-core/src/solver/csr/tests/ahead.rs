@@ -2,8 +2,7 @@
 
 use super::*;
 
-/// Where fields are led along their last change they have less energy, and energies and K x are those of where they are; on any
-/// number of threads to the same bits.
+/// Where fields are led along their last change they have less energy, and energies and K x are those of where they are.
 #[test]
 fn going_ahead_takes_fields_to_less_energy() {
     for (columns, preconditioner) in
@@ -69,6 +68,43 @@ fn going_ahead_takes_fields_to_less_energy() {
                 assert!((ahead - expected).abs() < 1e-12 * largest, "{ahead} {expected}");
             }
         }
+    }
+}
+
+/// Threads share rows whose values are taken over or whose charges are computed anew, and those that are relaxed, which happens
+/// while coarse networks follow.
+#[test]
+fn threads_share_what_follows_from_rows_that_changed_to_the_same_bits() {
+    let mut scene = Scene::new(150_000);
+    let mut solvers = [1, 2].map(|threads| scene.solver(3, Preconditioner::Multigrid, threads));
+    let _awake = solvers.each_ref().map(|solver| of_four(solver).workers.wake_all());
+    for height in [0.0309, 0.0307, 0.0305, 0.0303] {
+        scene.move_plate(height);
+        for solver in &mut solvers {
+            scene.tell(solver);
+            solver.go_ahead();
+            iterate(solver, 1);
+        }
+        let [alone, shared] = &solvers;
+        assert!(of_four(alone).rows.changed().len() > 4 * rows::ROWS_OF_A_TASK);
+        assert_eq!(alone.state().energies, shared.state().energies, "{height}");
+        for column in 0..3 {
+            let rows = scene.holders.len();
+            assert!(bits(alone, column, rows) == bits(shared, column, rows), "{height} {column}");
+        }
+    }
+    // Once more without a step.
+    scene.move_plate(0.0301);
+    for solver in &mut solvers {
+        scene.tell(solver);
+        solver.go_ahead();
+    }
+    let [alone, shared] = &solvers;
+    assert!(of_four(alone).increments[0].relaxed.len() > 100);
+    assert_eq!(alone.state().energies, shared.state().energies);
+    for column in 0..3 {
+        let rows = scene.holders.len();
+        assert!(bits(alone, column, rows) == bits(shared, column, rows), "{column}");
     }
 }
 
