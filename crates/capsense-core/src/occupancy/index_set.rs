@@ -242,7 +242,7 @@ impl IndexList {
         }
     }
 
-    /// Puts the numbers in increasing order: that of their bits, which takes a tenth of what sorting does where there are many.
+    /// Puts the numbers in increasing order, which is that of their bits.
     pub(crate) fn sort(&mut self) {
         self.numbers.clear();
         let Self { numbers, set } = self;

@@ -100,14 +100,14 @@ impl<const L: usize> Increment<L> {
         &mut self,
         rows: &Rows,
         columns: &mut Columns<L>,
-        beside: (&Workers, impl FnOnce() + Send),
+        meanwhile: (&Workers, impl FnOnce() + Send),
     ) -> bool {
         self.has_moved = false;
         let before = self.ahead;
         self.lead(columns.energies());
         let Self { relaxed, products, charges, ahead, .. } = self;
         let ahead = Ahead { charges, lengths: *ahead };
-        let has_relaxed = relaxed.relax(rows, columns, ahead, &mut products.with_fields, beside);
+        let has_relaxed = relaxed.relax(rows, columns, ahead, &mut products.with_fields, meanwhile);
         if has_relaxed {
             self.lead(columns.energies());
         }

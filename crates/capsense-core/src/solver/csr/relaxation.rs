@@ -77,7 +77,7 @@ impl<const L: usize> Turns<L> {
     fn new(changed: usize) -> Self {
         Self {
             queue: Vec::with_capacity(TURNS * changed),
-            at_border: Vec::with_capacity(changed / TURNS),
+            at_border: Vec::new(),
             listed: Vec::with_capacity(changed),
             energies: [[0.0; L]; L],
             with_fields: [[0.0; L]; L],
@@ -129,7 +129,7 @@ impl<'a, const L: usize> Region<'a, L> {
         ]
     }
 
-    /// Relaxes rows from some on, with so many turns at most beside those.
+    /// Relaxes some rows, and neighbours of theirs while there are fewer than `most` turns.
     fn relax(mut self, rule: &Rule<'_, L>, turns: &mut Turns<L>, from: &[u32], most: usize) {
         let rows = rule.rows;
         from.iter().for_each(|&row| self.enter(rows, turns, row));
@@ -185,11 +185,14 @@ impl<'a, const L: usize> Region<'a, L> {
 impl<const L: usize> Relaxed<L> {
     /// None yet, of so many.
     pub(super) fn new(rows: usize) -> Self {
+        let changed = rows / FEW;
+        let of_first = of_first_region(changed);
         Self {
             rows: Vec::with_capacity(rows),
             waits: vec![false; rows],
             is_listed: vec![false; rows],
-            turns: [of_first_region(rows / FEW), rows / FEW / 2, rows / FEW / TURNS].map(Turns::new),
+            // Few are at the border.
+            turns: [of_first, changed - of_first, 0].map(Turns::new),
         }
     }
 
