@@ -16,9 +16,9 @@ use super::energy_error::{LARGE_CHANGE, is_large};
 const KINDS: usize = 3;
 
 /// What ratios are taken for before any was seen, where all is told by the finest level and where all is told by coarser ones, and
-/// their standard deviations.
+/// their standard deviation.
 const USUAL: f64 = 1.1;
-const UNKNOWN: [f64; 2] = [0.2, 0.8];
+const UNKNOWN: f64 = 0.8;
 
 /// Variance of ratios about what is expected, before any was seen, and the least that counts while they are learned.
 const VARIANCE: f64 = 0.01;
@@ -132,12 +132,12 @@ impl Seen {
     /// Both ratios, and the variance of what they make with some shares that is not of single frames.
     fn fit(&self, [finest, coarse]: [f64; 2]) -> ([f64; 2], f64) {
         let variance = self.variance.max(LEAST_VARIANCE);
-        let [known, known_of_coarse] = UNKNOWN.map(|deviation| 1.0 / (deviation * deviation));
+        let known = 1.0 / (UNKNOWN * UNKNOWN);
         let [ff, fc, cc] = self.shares.map(|sum| sum / variance);
-        let [ff, cc] = [ff + known, cc + known_of_coarse];
+        let [ff, cc] = [ff + known, cc + known];
         let determinant = ff * cc - fc * fc;
         let [of_finest, of_coarse] = self.ratios.map(|sum| sum / variance);
-        let [of_finest, of_coarse] = [of_finest + USUAL * known, of_coarse + USUAL * known_of_coarse];
+        let [of_finest, of_coarse] = [of_finest + USUAL * known, of_coarse + USUAL * known];
         let ratios = [
             (cc * of_finest - fc * of_coarse) / determinant,
             (ff * of_coarse - fc * of_finest) / determinant,

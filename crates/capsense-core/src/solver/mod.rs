@@ -15,6 +15,7 @@ mod operator;
 mod pcg;
 mod preconditioner;
 mod remote;
+mod thorough;
 mod worth;
 
 pub(crate) use bracket::EdgeFields;

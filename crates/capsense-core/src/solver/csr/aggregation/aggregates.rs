@@ -42,8 +42,9 @@ impl Couplings {
 
     /// The couplings of aggregates, `count` of them: sums of weights, times the root of the part of the rows of both that
     /// have a share in them. With that part itself, which is by how much the way becomes longer, a grounded bar takes 65
-    /// instead of 89 steps sideways at 300,000 tetrahedra, but a first frame among slivers 41 instead of 27.
-    fn merged(&self, aggregate: &[u32], count: usize) -> Self {
+    /// instead of 89 steps sideways at 300,000 tetrahedra, but a first frame among slivers 41 instead of 27. The parts
+    /// come with them.
+    fn merged(&self, aggregate: &[u32], count: usize) -> (Self, Vec<f32>) {
         let mut members = vec![0.0; count];
         let mut weights = Vec::with_capacity(self.neighbours.len());
         for (row, &own) in aggregate.iter().enumerate().filter(|(_, own)| **own != NONE) {
@@ -61,13 +62,12 @@ impl Couplings {
             let place = sums.at(from).binary_search_by_key(&(to as u32), |&(other, _)| other);
             place.map_or(0.0, |place| shares[sums.offsets[from] + place])
         };
-        let pairs = (0..count).flat_map(|own| sums.at(own).iter().map(move |&of| (own, of)));
-        let weakened = pairs.map(|(own, (other, weight))| {
-            let to = other as usize;
-            let part = (share(own, to) + share(to, own)) / (members[own] + members[to]);
-            (other, weight * part.sqrt())
-        });
-        Self { neighbours: weakened.collect(), offsets: sums.offsets.clone() }
+        let pairs = (0..count).flat_map(|own| sums.at(own).iter().map(move |of| (own, of.0 as usize)));
+        let parts: Vec<f32> =
+            pairs.map(|(own, to)| (share(own, to) + share(to, own)) / (members[own] + members[to])).collect();
+        let weakened = sums.neighbours.iter().zip(&parts);
+        let neighbours = weakened.map(|(&(other, weight), part)| (other, weight * part.sqrt())).collect();
+        (Self { neighbours, offsets: sums.offsets }, parts)
     }
 
     /// Adds up weights from rows of one aggregate to another one, in the order of both, and tells how many rows have a share
@@ -139,6 +139,17 @@ pub(super) struct Aggregates {
     pub(super) of_row: Vec<u32>,
     pub(super) count: usize,
     pub(super) couplings: Couplings,
+    /// Of each of these, which part of the rows of both aggregates has a share in it.
+    parts: Vec<f32>,
+}
+
+impl Aggregates {
+    /// The neighbours of an aggregate and the part of the rows of both that is coupled.
+    pub(super) fn parts(&self, own: usize) -> impl Iterator<Item = (u32, f32)> {
+        let range = self.couplings.offsets[own]..self.couplings.offsets[own + 1];
+        let others = self.couplings.at(own).iter().map(|&(other, _)| other);
+        others.zip(self.parts[range].iter().copied())
+    }
 }
 
 /// Pairs of a level's rows, pairs of pairs, and so on, none in more than one block. They are ordered by their first rows.
@@ -157,14 +168,14 @@ pub(super) fn aggregates(level: &Level, couplings: &Couplings) -> Aggregates {
         for (row, own) in of_row.iter().enumerate().filter(|(_, own)| **own != NONE) {
             block[*own as usize] = block_of(row);
         }
-        let merged = couplings.merged(&of_row, count);
+        let (merged, _) = couplings.merged(&of_row, count);
         let (pair_of, pairs) = Graph { couplings: &merged, free: vec![true; count], block }.pairs();
         of_row.iter_mut().filter(|own| **own != NONE).for_each(|own| *own = pair_of[*own as usize]);
         count = pairs;
     }
     number_by_first_rows(&mut of_row, count);
-    let couplings = couplings.merged(&of_row, count);
-    Aggregates { of_row, count, couplings }
+    let (couplings, parts) = couplings.merged(&of_row, count);
+    Aggregates { of_row, count, couplings, parts }
 }
 
 fn number_by_first_rows(aggregate: &mut [u32], count: usize) {
@@ -212,10 +223,13 @@ mod tests {
     fn couplings_become_weaker_along_aggregates_only() {
         let level = square(6.0);
         let lines: Vec<u32> = (0..SIDE * SIDE).map(|row| (row / 4) as u32).collect();
-        let merged = Couplings::of(&level).merged(&lines, SIDE * SIDE / 4);
+        let (merged, parts) = Couplings::of(&level).merged(&lines, SIDE * SIDE / 4);
         let next = SIDE / 4;
         let of = |other: usize| merged.at(0).iter().find(|(to, _)| *to as usize == other).map(|(_, w)| *w);
         assert_eq!([of(1), of(next), of(next + 1)], [Some(3.0), Some(4.0), None]);
+        let of_first = Aggregates { of_row: lines, count: SIDE * SIDE / 4, couplings: merged, parts };
+        let parts: Vec<_> = of_first.parts(0).collect();
+        assert_eq!(parts, [(1, 0.25), (next as u32, 1.0)]);
     }
 
     /// Summed weights would make lines of eight.

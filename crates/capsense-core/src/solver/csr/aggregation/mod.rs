@@ -81,7 +81,7 @@ impl Hierarchy {
         let mut couplings = Couplings::of(&self.levels[0]);
         while let Some(fine) = self.levels.last().filter(|level| level.rows() > FEW_ROWS) {
             let aggregates = aggregates(fine, &couplings);
-            let (mut transfer, mut coarse) = Transfer::new(fine, aggregates.of_row, aggregates.count);
+            let (mut transfer, mut coarse) = Transfer::new(fine, &aggregates);
             couplings = aggregates.couplings;
             if coarse.rows() == 0 || 10 * coarse.rows() > 9 * transfer.count() {
                 break;
@@ -89,6 +89,7 @@ impl Hierarchy {
             let all = Changes { rows: (0..fine.rows() as u32).collect(), weights: pairs_of(fine) };
             let mut changes = Changes::default();
             transfer.refresh(fine, &mut coarse, &all, &mut changes);
+            transfer.remember(&coarse);
             self.levels.push(coarse);
             self.transfers.push(transfer);
             self.changes.push(changes);
