@@ -96,10 +96,12 @@ impl ConjugateGradients {
             self.improve(fields, iterations)?;
             iterations += 1;
             demand.update(&fields.state().energies);
+            // What is not needed must not fail.
+            let part = if iterations < options.max_iterations { self.thorough.part(iterations) } else { 1.0 };
             for (column, active) in self.active.iter_mut().enumerate() {
                 let energy = fields.state().energies[column * fields.columns() + column];
                 let allowed = demand.allowed(column, energy, options);
-                *active = !self.error.is_below(column, self.thorough.part(iterations) * allowed);
+                *active = !self.error.is_below(column, part * allowed);
             }
         }
         let (relative_error, state) = (self.worst(demand), fields.state());

@@ -110,7 +110,8 @@ impl Transfer {
         let entries = pattern.columns().len();
         let mut factors = vec![1.0; entries];
         for own in 0..count {
-            for (other, part) in aggregates.parts(own) {
+            // Where nothing was coupled in the empty scene, nothing is known.
+            for (other, part) in aggregates.parts(own).filter(|&(_, part)| part > 0.0) {
                 if let Some(entry) = pattern.find(own as u32, other) {
                     factors[entry] = part.min(1.0).powf(POWER);
                 }
