@@ -25,7 +25,7 @@ pub(super) struct Thorough {
     still: usize,
     /// Brief times in a row.
     brief: usize,
-    /// Solves with a step until another way may be tried without a reason (while thorough) or with one.
+    /// Solves with a step until it ends to be thorough, or, while it is not, until it may be.
     left: usize,
 }
 
@@ -44,11 +44,11 @@ impl Thorough {
         let was_brief = std::mem::take(&mut self.still) < BRIEFLY;
         self.brief = if was_brief { self.brief + 1 } else { 0 };
         self.left = self.left.saturating_sub(1);
-        let is_in_vain = self.brief >= IN_A_ROW;
+        let is_always_brief = self.brief >= IN_A_ROW;
         match self.is_thorough {
-            true if is_in_vain => *self = Self { left: AFTER_IN_VAIN, ..Self::default() },
+            true if is_always_brief => *self = Self { left: AFTER_IN_VAIN, ..Self::default() },
             true if self.left == 0 => *self = Self::default(),
-            false if is_in_vain && self.left == 0 => {
+            false if is_always_brief && self.left == 0 => {
                 *self = Self { is_thorough: true, left: THOROUGH, ..Self::default() };
             }
             _ => {}
