@@ -102,7 +102,7 @@ fn a_change_that_cannot_be_simulated_leaves_the_last_good_scene() {
     let message = session.message.clone().unwrap();
     assert_eq!(message.severity, Severity::Error);
     assert!(message.text.contains("solver.tolerance"), "{message:?}");
-    assert_eq!(session.open.as_ref().unwrap().scene.solver.tolerance, 1e-4);
+    assert_eq!(session.open.as_ref().unwrap().scene.solver.tolerance, 1e-8);
     assert!(session.document_to_save().scene().is_ok(), "what failed is not saved either");
     let samples = session.history.session().len();
     harness.state_mut().session.transport.seek(5);

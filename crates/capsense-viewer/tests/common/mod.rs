@@ -39,6 +39,10 @@ trajectory = { waypoints = [[-0.1, 0.0, 0.08], [0.1, 0.0, 0.08]], speed = 0.1 }
 
 [simulation]
 frame_rate = 10.0
+
+# So small that pictures are the same whatever the solver leaves within it.
+[solver]
+tolerance = 1e-8
 "#;
 
 pub(crate) fn start(text: &str) -> Start {
