@@ -3,14 +3,14 @@
 //! Benches are named part/method/motion/elements, for a filter such as `step/.*/sideways/30000`. Parts: `update` (depth
 //! image to stiffness matrix and preconditioner), `solve` (to the capacitance matrix), `step` (both). Methods:
 //! - `lattice`, `csr`: the simulator on the lattice, and on the same mesh as plain tetrahedra; C to 1e-4, one thread;
-//!   `lattice-all` and `csr-all` on all threads; `lattice-80` with a dielectric of that relative permittivity for a bar;
+//!   `lattice-all` and `csr-all` on all threads; `lattice-80` and `csr-80` with a dielectric of that relative permittivity for a bar;
 //! - `lattice-32`, `csr-32`, `direct-32`: 32 electrodes in rows, on meshes that are small enough for the Green's function of
 //!   the empty scene; `lattice-32-block` and so on with a body of 40 mm x 40 mm x 20 mm for a bar;
 //! - `ic0`: the same matrix, IC(0) conjugate gradients to a relative residual of 1e-6, and `ic0-coarse` to 1e-3;
 //! - `paper-80`, `paper-1e5`: the paper's method to a relative residual of 1e-5, the bar of that relative permittivity.
 //!   Its camera's red channel of 8 bits holds the first; the second stands for steel.
 //!
-//! Throughput is in tetrahedra. `CAPSENSE_BENCH_LARGE=1` adds meshes of 1 and 3 million.
+//! Throughput is in tetrahedra. Which vector instructions run is told first. `CAPSENSE_BENCH_LARGE=1` adds meshes of 1 and 3 million.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -141,19 +141,19 @@ fn simulators(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
         |sensor, material, threads| Simulator::new(sensor, vec![material], solver_options(threads)).unwrap();
     let glass = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
     let subject = |name, parts| Subject { name, lattice, size, parts, samples: 20, seconds: 2 };
-    for (name, material, threads, parts) in [
-        ("lattice", GROUNDED, Some(1), [UPDATE, SOLVE, STEP].as_slice()),
-        ("lattice-all", GROUNDED, None, &[STEP]),
-        ("lattice-80", glass, Some(1), &[STEP]),
+    let all = [UPDATE, SOLVE, STEP];
+    for (build, [one, of_all, of_glass]) in [
+        (on_lattice as fn(&Lattice) -> Sensor, ["lattice", "lattice-all", "lattice-80"]),
+        (on_tetrahedra, ["csr", "csr-all", "csr-80"]),
     ] {
-        let build = |lattice: &Lattice| simulator(on_lattice(lattice), material, threads);
-        subject(name, parts).measure(criterion, build);
-    }
-    for (name, threads, parts) in
-        [("csr", Some(1), [UPDATE, SOLVE, STEP].as_slice()), ("csr-all", None, &[STEP])]
-    {
-        let build = |lattice: &Lattice| simulator(on_tetrahedra(lattice), GROUNDED, threads);
-        subject(name, parts).measure(criterion, build);
+        for (name, material, threads, parts) in [
+            (one, GROUNDED, Some(1), all.as_slice()),
+            (of_all, GROUNDED, None, &all),
+            (of_glass, glass, Some(1), &[STEP]),
+        ] {
+            let build = |lattice: &Lattice| simulator(build(lattice), material, threads);
+            subject(name, parts).measure(criterion, build);
+        }
     }
 }
 
@@ -210,6 +210,7 @@ fn baselines(criterion: &mut Criterion, lattice: &Lattice, size: usize) {
 }
 
 fn frame(criterion: &mut Criterion) {
+    println!("vector instructions: {}", capsense_core::instruction_set());
     arrays(criterion);
     for size in mesh_sizes() {
         let lattice = design().lattice(size).unwrap();

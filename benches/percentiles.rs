@@ -2,8 +2,10 @@
 //! which a mean, as the bench `frame` tells it, does not show.
 //!
 //! Prints the 10th, 50th and 90th percentile and the mean in milliseconds, of whole ways of the bar there and back, C to 1e-4.
-//! Bars are seen by a depth camera, those of rows named `-solid` are exact solids. What two threads gain depends on how far apart
-//! their cores are, so it is told before each size how long a word takes from one to the other.
+//! Bars are seen by a depth camera, those of rows named `-solid` are exact solids. Rows named `lattice` are of graded lattices, `csr` of
+//! the same meshes as plain tetrahedra, and `bisected` of tetrahedra that were bisected, whose edges have no order and of which each
+//! node has twice as many. What two threads gain depends on how far apart
+//! their cores are, so it is told before each size how long a word takes from one to the other, and which instructions run.
 //! `CAPSENSE_BENCH_LARGE=1` adds meshes of more than 300,000 tetrahedra; arguments are names of rows to be measured alone.
 
 #![allow(clippy::unwrap_used, missing_docs)]
@@ -11,11 +13,10 @@
 mod common;
 
 use capsense_core::material::{Connection, Material, RelativePermittivity};
-use capsense_core::mesh::Lattice;
-use capsense_core::sensor::Sensor;
+use capsense_core::sensor::{MeshKind, Sensor};
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
-use common::{BAR, Motion, design, is_large, is_test, on_lattice, on_tetrahedra, solver_options};
+use common::{BAR, Motion, design, is_large, is_test, on_lattice, solver_options};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
@@ -29,8 +30,8 @@ const LARGEST_OF_ALL_RUNS: usize = 300_000;
 /// Ways there and back that count; one before does not.
 const WAYS: usize = 2;
 
-/// How sensors are made of lattices.
-type Build = fn(&Lattice) -> Sensor;
+/// How sensors are made that have no more than so many tetrahedra.
+type Build = fn(usize) -> Sensor;
 
 /// Words from one thread to another and back.
 const WORDS: u32 = 100_000;
@@ -85,23 +86,35 @@ fn nanoseconds_between_threads() -> f64 {
     1e9 * start.elapsed().as_secs_f64() / f64::from(2 * WORDS)
 }
 
+fn lattice(size: usize) -> Sensor {
+    on_lattice(&design().lattice(size).unwrap())
+}
+
+fn tetrahedra(size: usize) -> Sensor {
+    lattice(size).off_lattice()
+}
+
+fn bisected(size: usize) -> Sensor {
+    Sensor::generated(&design(), MeshKind::Bisection, size).unwrap()
+}
+
 fn measure(row: Row, size: usize, wanted: &[String]) {
     let Row { name, build, material, is_exact } = row;
     if !wanted.is_empty() && !wanted.iter().any(|wanted| wanted == name) {
         return;
     }
     println!("a word between threads: {:.0} ns", nanoseconds_between_threads());
-    let lattice = design().lattice(size).unwrap();
+    let sensor = build(size);
     for threads in [Some(1), None] {
-        let mut simulator = Simulator::new(build(&lattice), vec![material], solver_options(threads)).unwrap();
+        let mut simulator = Simulator::new(sensor.clone(), vec![material], solver_options(threads)).unwrap();
         for mut motion in Motion::all() {
             let took = milliseconds(&mut simulator, &mut motion, is_exact, if is_test() { 1 } else { WAYS });
             let at = |part: f64| took[(part * (took.len() - 1) as f64).round() as usize];
             let mean = took.iter().sum::<f64>() / took.len() as f64;
             let threads = threads.map_or("all".to_owned(), |count| count.to_string());
             println!(
-                "{name:<13} {:>8} {threads:>7} {:<9} {:>7.3} {:>7.3} {:>7.3} {mean:>7.3}",
-                lattice.tet_count(),
+                "{name:<14} {:>8} {threads:>7} {:<9} {:>7.3} {:>7.3} {:>7.3} {mean:>7.3}",
+                sensor.mesh().tets().len(),
                 motion.name,
                 at(0.1),
                 at(0.5),
@@ -120,7 +133,8 @@ fn main() {
         (false, false) => LARGEST_OF_ALL_RUNS,
     };
     let glass = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
-    println!("method            tets threads motion        10%     50%     90%    mean");
+    println!("{}", capsense_core::instruction_set());
+    println!("method             tets threads motion        10%     50%     90%    mean");
     let rows = |sizes: &[usize], build: Build, [conductor, exact, glassy]: [&'static str; 3]| {
         for &size in sizes.iter().filter(|size| **size <= largest) {
             let row = Row { name: conductor, build, material: GROUNDED, is_exact: false };
@@ -129,6 +143,7 @@ fn main() {
             measure(Row { name: glassy, material: glass, ..row }, size, &wanted);
         }
     };
-    rows(&LATTICES, on_lattice, ["lattice", "lattice-solid", "lattice-80"]);
-    rows(&MESHES, on_tetrahedra, ["csr", "csr-solid", "csr-80"]);
+    rows(&LATTICES, lattice, ["lattice", "lattice-solid", "lattice-80"]);
+    rows(&MESHES, tetrahedra, ["csr", "csr-solid", "csr-80"]);
+    rows(&MESHES, bisected, ["bisected", "bisected-solid", "bisected-80"]);
 }

@@ -11,6 +11,26 @@ pub(crate) fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     widest().dispatch(work)
 }
 
+/// The instructions that run on this machine, in words, for those who tell times.
+#[must_use]
+pub fn instruction_set() -> String {
+    struct Bits;
+    impl WithSimd for Bits {
+        type Output = usize;
+
+        fn with_simd<S: pulp::Simd>(self, _: S) -> usize {
+            32 * S::F32_LANES
+        }
+    }
+    let name = std::env::consts::ARCH;
+    match (widest().dispatch(Bits), EightLanes::new().dispatch(Bits)) {
+        (32, _) => format!("{name}, what all such processors have"),
+        (bits, of_blocks) => {
+            format!("{name}, vectors of {bits} bits, {of_blocks} on blocks of eight numbers")
+        }
+    }
+}
+
 /// The widest instructions of this machine.
 pub(crate) fn widest() -> pulp::Arch {
     pulp::Arch::new()
@@ -58,5 +78,19 @@ impl EightLanes {
     #[inline(always)]
     pub(crate) fn dispatch<W: WithSimd>(self, work: W) -> W::Output {
         self.0.dispatch(work)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_runs_is_told() {
+        assert!(instruction_set().starts_with(std::env::consts::ARCH));
+        #[cfg(target_arch = "x86_64")]
+        if EightLanes::new().0.is_some() {
+            assert!(instruction_set().contains("256 on blocks"), "{}", instruction_set());
+        }
     }
 }

@@ -29,3 +29,4 @@ mod workers;
 pub mod workspace;
 
 pub use glam;
+pub use instructions::instruction_set;

@@ -154,6 +154,37 @@ impl Simulator {
     ///
     /// # Errors
     /// As these two.
+    ///
+    /// # Example
+    /// From electrodes, a mesh and a pose to a capacitance matrix: a grounded bar, known as a solid, passes 20 mm above two
+    /// electrodes.
+    /// ```
+    /// use capsense_core::{electrode::{Electrode, Outline}, geometry::{Aabb, Pose}, glam::{DVec2, DVec3}};
+    /// use capsense_core::{material::{Connection, Material}, sensor::{Sensor, SensorDesign, Wall}};
+    /// use capsense_core::{simulator::Simulator, solids::{Shape, Solids}, solver::SolverOptions};
+    ///
+    /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+    /// let domain = Aabb { min: DVec3::new(-0.2, -0.2, -0.1), max: DVec3::new(0.2, 0.2, 0.3) };
+    /// let electrode = |name: &str, x: f64| {
+    ///     let outline = Outline::Rectangle { center: DVec2::new(x, 0.0), size: DVec2::splat(0.04) };
+    ///     Electrode { name: name.into(), outline, z: 0.0 }
+    /// };
+    /// let electrodes = vec![electrode("left", -0.03), electrode("right", 0.03)];
+    /// let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
+    /// let sensor = Sensor::on_lattice(&design, &design.lattice(10_000)?)?;
+    /// let bar = Material::Conductor(Connection::Grounded);
+    /// let mut simulator = Simulator::new(sensor, vec![bar], SolverOptions::default())?;
+    /// let mut solids = Solids::new(&[Shape::Box { size: DVec3::new(0.03, 0.1, 0.02) }])?;
+    /// for x in [-0.03, 0.0, 0.03] {
+    ///     solids.place(&[Pose::at(DVec3::new(x, 0.0, 0.03))])?;
+    ///     let report = simulator.step(&solids)?;
+    ///     println!("{x} m: {:?} F, {} iterations", simulator.capacitance(), report.solve.iterations);
+    /// }
+    /// # let change = |entry| simulator.capacitance().get(entry, entry) - simulator.base().get(entry, entry);
+    /// # assert!(change(1) > 2.0 * change(0) && change(0) > 0.0);
+    /// # Ok(())
+    /// # }
+    /// ```
     pub fn step(&mut self, surfaces: &impl Surfaces) -> Result<StepReport, SimulatorError> {
         let _awake = self.fields.wake();
         let changed_edges = self.update(surfaces)?;

@@ -184,6 +184,11 @@ impl EnergyError {
         self.courses[column] = Course::default();
     }
 
+    /// Whether a column has taken a step in this solve.
+    pub(super) fn has_stepped(&self, column: usize) -> bool {
+        self.taken[column] > 0
+    }
+
     /// All columns have taken their steps.
     pub(super) fn advance(&mut self) {
         self.count += 1;

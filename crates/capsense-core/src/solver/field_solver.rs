@@ -381,7 +381,7 @@ impl FieldSolver {
         let max_iterations = options.max_iterations.min(ITERATIONS_IN_SINGLE_PRECISION);
         let report = self.improve(&SolverOptions { max_iterations, ..*options });
         match report {
-            Err(SolveError::NotConverged { .. }) => {
+            Err(SolveError::NotConverged { .. } | SolveError::Breakdown { .. }) => {
                 self.iteration.forget();
                 self.change_precision(matrix);
                 self.improve(options)

@@ -113,6 +113,21 @@ pub enum SolveError {
         /// The error asked for.
         tolerance: f64,
     },
+    /// The preconditioner makes nothing of a residual that is still there, as where rounding has left it worthless.
+    #[error(
+        "the iteration broke down: after {iterations} iterations the preconditioner gains nothing of the residual of \
+         {residual:e} that is left in column {column}, relative error {relative_error:e}"
+    )]
+    Breakdown {
+        /// Column of the solution, the first of them.
+        column: usize,
+        /// Number of iterations made.
+        iterations: usize,
+        /// Norm of the residual charges that are left over the norm of the charges on the terminal's own nodes.
+        residual: f64,
+        /// Estimated relative error of the self-capacitances.
+        relative_error: f64,
+    },
     /// The matrix is not positive definite on the free rows.
     #[error(
         "the stiffness matrix is indefinite: p·Kp = {curvature:e} in column {column}, iteration {iteration}"

@@ -12,6 +12,9 @@ use super::operator::Operator;
 use super::thorough::Thorough;
 use super::{SolveError, SolveReport, SolverOptions};
 
+#[cfg(test)]
+mod tests;
+
 /// Below this sine squared of the angle between z and p, the two are taken for parallel.
 const PARALLEL: f64 = 1e-10;
 
@@ -169,21 +172,21 @@ impl ConjugateGradients {
         iterations: usize,
     ) -> Result<(), SolveError> {
         let state = fields.state();
-        let mut unfinished = false;
+        let mut unfinished = None;
         for column in 0..fields.columns() {
             let energy = state.energies[column * fields.columns() + column];
             let allowed = demand.allowed(column, energy, options);
             if state.residual[column] <= GONE * state.charge[column] {
                 self.error.settle(column);
-            } else {
-                unfinished |= !self.error.is_estimated_below(column, allowed);
+            } else if !(self.error.has_stepped(column) && self.error.is_estimated_below(column, allowed)) {
+                unfinished = unfinished.or(Some(column));
             }
         }
-        if !unfinished {
-            return Ok(());
-        }
-        let (relative_error, tolerance) = (self.worst(demand), options.tolerance);
-        Err(SolveError::NotConverged { iterations, relative_error, tolerance })
+        let Some(column) = unfinished else { return Ok(()) };
+        let residual = (state.residual[column] / state.charge[column]).sqrt();
+        // Without a step nothing is known.
+        let relative_error = if self.error.has_stepped(column) { self.worst(demand) } else { 1.0 };
+        Err(SolveError::Breakdown { column, iterations, residual, relative_error })
     }
 
     /// Forgets what solves have shown, after one that failed.

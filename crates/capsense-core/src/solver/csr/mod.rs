@@ -185,8 +185,8 @@ impl Operator for CsrSolver {
         for_width!(self, of => of.go_ahead());
     }
 
-    fn descend(&mut self, _active: &[bool]) {
-        for_width!(self, of => of.descend());
+    fn descend(&mut self, active: &[bool]) {
+        for_width!(self, of => of.descend(active));
     }
 
     fn gains(&self) -> &[f64] {
@@ -201,12 +201,12 @@ impl Operator for CsrSolver {
         for_width!(self, of => of.foretells(steps))
     }
 
-    fn precondition(&mut self, _active: &[bool]) {
-        for_width!(self, of => of.precondition());
+    fn precondition(&mut self, active: &[bool]) {
+        for_width!(self, of => of.precondition(active));
     }
 
-    fn curvatures(&mut self, _active: &[bool]) -> (&[f64], &[f64]) {
-        for_width!(self, of => of.curvatures())
+    fn curvatures(&mut self, active: &[bool]) -> (&[f64], &[f64]) {
+        for_width!(self, of => of.curvatures(active))
     }
 
     fn step(&mut self, a: &[f64], b: &[f64]) {
@@ -376,12 +376,12 @@ impl<const L: usize> Solver<L> {
         }
     }
 
-    fn descend(&mut self) {
+    fn descend(&mut self, active: &[bool]) {
         self.refresh_inverse();
         if !self.inverse.is_multigrid() {
             self.catch_up();
         }
-        for index in 0..self.groups.len() {
+        for index in at_work::<L>(active) {
             let charges = self.increments[index].charges_of(&self.groups[index]);
             let Told { gains, of_finest, residual } =
                 self.inverse.descend(index, &self.rows, charges, &self.workers);
@@ -423,9 +423,9 @@ impl<const L: usize> Solver<L> {
         }
     }
 
-    fn precondition(&mut self) {
-        for (index, group) in self.groups.iter().enumerate() {
-            let charges = self.increments[index].charges_of(group);
+    fn precondition(&mut self, active: &[bool]) {
+        for index in at_work::<L>(active) {
+            let charges = self.increments[index].charges_of(&self.groups[index]);
             self.inverse.ascend(index, charges, &self.workers);
             if let Some(z) = self.inverse.approximate_mut(index) {
                 add_islands(&mut self.islands, &self.rows, charges, z);
@@ -433,10 +433,10 @@ impl<const L: usize> Solver<L> {
         }
     }
 
-    fn curvatures(&mut self) -> (&[f64], &[f64]) {
+    fn curvatures(&mut self, active: &[bool]) -> (&[f64], &[f64]) {
         let (rows, workers) = (&self.rows, &self.workers);
-        for (index, group) in self.groups.iter_mut().enumerate() {
-            let [zz, zp] = self.inverse.curvatures(index, rows, group, workers);
+        for index in at_work::<L>(active) {
+            let [zz, zp] = self.inverse.curvatures(index, rows, &mut self.groups[index], workers);
             spread(index, &zz, &mut self.products[0]);
             spread(index, &zp, &mut self.products[1]);
         }
@@ -445,7 +445,12 @@ impl<const L: usize> Solver<L> {
 
     fn step(&mut self, a: &[f64], b: &[f64]) {
         for index in 0..self.groups.len() {
-            let along = Along::new(lanes(a, index), lanes(b, index));
+            let (a, b) = (lanes(a, index), lanes(b, index));
+            if [a, b] == [[0.0; L]; 2] {
+                // Its fields stay where they are, ahead of what is stored or not.
+                continue;
+            }
+            let along = Along::new(a, b);
             let (group, rows, workers) = (&mut self.groups[index], &self.rows, &self.workers);
             let increment = &mut self.increments[index];
             let change = increment.start_step();
@@ -459,6 +464,11 @@ impl<const L: usize> Solver<L> {
         }
         self.add_cross_energies();
     }
+}
+
+/// The groups in which some column is worked on.
+fn at_work<const L: usize>(active: &[bool]) -> impl Iterator<Item = usize> {
+    active.chunks(L).enumerate().filter(|(_, columns)| columns.contains(&true)).map(|(group, _)| group)
 }
 
 /// The values of a group's columns; zero for those that fill it up.

@@ -70,6 +70,8 @@ pub(crate) struct LatticeSolver {
     /// The last step but for a factor, which each column has its own.
     p: Coloured<f32>,
     scale: Vec<f64>,
+    /// Room for what p counts in a step.
+    beta: Vec<f64>,
     increment: Increment,
     /// Its finest level holds r and z.
     hierarchy: Hierarchy,
@@ -126,6 +128,7 @@ impl LatticeSolver {
             links: ObjectLinks::new(objects, columns),
             p: layout.zeros(),
             scale: vec![0.0; columns],
+            beta: vec![0.0; columns],
             increment: Increment::new(&layout),
             hierarchy,
             networks_are_lost: false,

@@ -78,12 +78,10 @@ impl Operator for LatticeSolver {
 
     fn step(&mut self, a: &[f64], b: &[f64]) {
         // With p stored but for a factor, p = a z + b p is a (z + β p).
-        let beta: Vec<f64> = a
-            .iter()
-            .zip(b)
-            .zip(&self.scale)
-            .map(|((&a, &b), &scale)| if a == 0.0 || b == 0.0 { 0.0 } else { b * scale / a })
-            .collect();
+        let mut beta = std::mem::take(&mut self.beta);
+        beta.clear();
+        let lengths = a.iter().zip(b).zip(&self.scale);
+        beta.extend(lengths.map(|((&a, &b), &scale)| if a == 0.0 || b == 0.0 { 0.0 } else { b * scale / a }));
         self.scale.copy_from_slice(a);
         if beta.iter().all(|&beta| beta == 0.0) {
             std::mem::swap(&mut self.p, &mut self.hierarchy.levels[0].x);
@@ -91,6 +89,7 @@ impl Operator for LatticeSolver {
         } else {
             self.walk(Some(&beta), true);
         }
+        self.beta = beta;
         self.scale_products();
     }
 }

@@ -164,6 +164,32 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// Columns that have converged keep their fields while others go on.
+#[test]
+fn columns_that_are_done_stay_as_they_are() {
+    let mut scene = Scene::new();
+    scene.step(0.3);
+    scene.solver.go_ahead();
+    let is_active = [true, false, true];
+    let nodes = scene.nodes.len();
+    let potentials = |solver: &LatticeSolver, column: usize| -> Vec<u64> {
+        (0..nodes).map(|node| solver.potential(column, node).to_bits()).collect()
+    };
+    let before = [0, 1, 2].map(|column| potentials(&scene.solver, column));
+    let a = is_active.map(|active| f64::from(u8::from(active)));
+    for _ in 0..2 {
+        scene.solver.descend(&is_active);
+        scene.solver.precondition(&is_active);
+        let _ = scene.solver.curvatures(&is_active);
+        scene.solver.step(&a, &[0.0; COLUMNS]);
+        scene.solver.descend(&is_active);
+        scene.solver.precondition_and_step(&is_active, &a, &[0.0; COLUMNS]);
+    }
+    for (column, before) in before.iter().enumerate() {
+        assert_eq!(potentials(&scene.solver, column) == *before, !is_active[column], "{column}");
+    }
+}
+
 /// Coarser levels leave out what is negligible, each of up to three stages a little more; nothing that was not reached stays
 /// behind.
 #[test]
