@@ -289,14 +289,18 @@ impl Occupancy {
         } else {
             let mut edges = std::mem::take(&mut self.scratch.edges);
             let mark_edges = || edges.mark(workers, &mesh, &changes, dependence.beside);
-            let find_holders = || {
+            let mut walls = std::mem::take(&mut self.camera_walls);
+            let find_holders_and_walls = || {
                 changes.for_nodes_near(&mesh, |node| self.set_holder(node, scene.holder(node)));
+                if dependence.on_rays {
+                    walls.start(&scene, changes.planes());
+                }
             };
-            workers.both(mark_edges, find_holders);
-            self.scratch.edges = edges;
+            workers.both(mark_edges, find_holders_and_walls);
+            (self.scratch.edges, self.camera_walls) = (edges, walls);
             let mut wedges = std::mem::take(&mut self.wedges);
             wedges.update(workers, &scene, changes.around_edges(), &self.conductor);
-            self.update_edges(workers, &scene, &changes, dependence, &wedges);
+            self.update_edges(workers, &scene, dependence, &wedges);
             self.wedges = wedges;
         }
         self.update_unstructured(workers, &scene, changes.around_edges());
@@ -342,7 +346,6 @@ impl Occupancy {
         &mut self,
         workers: &Workers,
         scene: &Scene<'_>,
-        changes: &Changes,
         dependence: Dependence,
         wedges: &Wedges,
     ) {
@@ -351,7 +354,7 @@ impl Occupancy {
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
         let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
-            walls.update(workers, scene, changes.planes(), |edge| {
+            walls.finish(workers, scene, |edge| {
                 // Of edges along the rays, only those through a face have taps beside them.
                 let may_differ = edge % 3 != camera_wall::RAYS || self.couplings[edge] != Coupling::PLAIN;
                 if may_differ && !edges.marked().contains(edge) {

@@ -57,8 +57,10 @@ pub(super) struct CameraWalls {
     /// The same edges once more, as that is soon asked.
     known: IndexSet,
     layers: RayLayers,
-    /// Working storage: nodes beside which something may differ, edges from there that a body ends at, and what it leaves of them.
+    /// Working storage: nodes beside which something may differ, edges from there that bodies no longer end at with what they left of
+    /// them, edges that one ends at, and what it leaves of those.
     near: IndexSet,
+    gone: Vec<(u32, BesideWall)>,
     asked: Vec<(u32, Layer)>,
     found: Vec<Option<BesideWall>>,
 }
@@ -69,27 +71,26 @@ impl CameraWalls {
         Self { known: IndexSet::below(edges), near: IndexSet::below(nodes), ..Self::default() }
     }
 
-    /// Moves to the next frame, in which answers differ in boxes that some planes touch, and visits the edges that other walls leave
-    /// something else of.
-    pub(super) fn update(
-        &mut self,
-        workers: &Workers,
-        scene: &Scene<'_>,
-        regions: &[Planes],
-        mut visit: impl FnMut(usize),
-    ) {
+    /// Moves to the next frame, in which answers differ in boxes that some planes touch. What becomes of edges there is yet to be found.
+    pub(super) fn start(&mut self, scene: &Scene<'_>, regions: &[Planes]) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
-        if !scene.has_camera_walls {
+        self.asked.clear();
+        if scene.has_camera_walls {
+            self.layers.update(scene, lattice, regions);
+            self.ask(lattice, regions);
+        } else {
             self.layers.clear();
             self.known.drain(|_| ());
-            let all = self.of_edges.drain();
-            all.for_each(|(edge, wall)| {
-                for_edges_of(lattice, edge as usize, [Some(&wall), None], &mut visit)
-            });
-            return;
+            self.gone.extend(self.of_edges.drain());
         }
-        self.layers.update(scene, lattice, regions);
-        self.ask(lattice, regions, &mut visit);
+    }
+
+    /// Finds out what becomes of these edges and visits those that other walls leave something else of.
+    pub(super) fn finish(&mut self, workers: &Workers, scene: &Scene<'_>, mut visit: impl FnMut(usize)) {
+        let Edges::Lattice(lattice) = scene.mesh.edges else { return };
+        for (edge, before) in self.gone.drain(..) {
+            for_edges_of(lattice, edge as usize, [Some(&before), None], &mut visit);
+        }
         let Self { of_edges, known, asked, found, .. } = self;
         found.resize(asked.len(), None);
         let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
@@ -118,14 +119,13 @@ impl CameraWalls {
     }
 
     /// Collects the edges whose dual faces touch some boxes and that a body ends at, and forgets the others there.
-    fn ask(&mut self, lattice: &Lattice, regions: &[Planes], visit: &mut impl FnMut(usize)) {
-        let Self { of_edges, known, layers, near, asked, .. } = self;
+    fn ask(&mut self, lattice: &Lattice, regions: &[Planes]) {
+        let Self { of_edges, known, layers, near, asked, gone, .. } = self;
         for planes in regions {
             // Of edges across the rays that touch a box, the first ends are before it.
             let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
             lattice.for_rows_of(&starts, |nodes| near.insert_all(nodes));
         }
-        asked.clear();
         let (strides, counts) = (lattice.strides(), lattice.node_counts());
         near.drain_runs(|nodes| {
             let mut place = lattice.node_place(nodes.start);
@@ -142,8 +142,7 @@ impl CameraWalls {
                         asked.push((edge as u32, layer));
                     } else if known.contains(edge) {
                         known.remove(edge);
-                        let before = of_edges.remove(&(edge as u32));
-                        for_edges_of(lattice, edge, [before.as_ref(), None], visit);
+                        gone.extend(of_edges.remove_entry(&(edge as u32)));
                     }
                 }
                 place[0] += 1;

@@ -576,24 +576,6 @@ fn a_body_that_nearly_floats_takes_few_iterations() {
     }
 }
 
-/// What a first cycle tells of a body of permittivity 80 that came a little closer is near what there is to gain.
-#[test]
-fn a_cycle_tells_what_is_left_in_a_strong_dielectric() {
-    let water = Material::Dielectric(RelativePermittivity::new(80.0).unwrap());
-    let mut scene = Scene::new(40_000);
-    let mut solver = scene.solver(2, Preconditioner::Multigrid, 1);
-    let mut ratios = Vec::new();
-    for step in 0..6 {
-        scene.move_object(0.03 - 0.001 * f64::from(step), water);
-        scene.tell(&mut solver);
-        solver.descend(&[true; 2]);
-        let (told, before) = (solver.gains()[0], solver.state().energies[0]);
-        iterate(&mut solver, 30);
-        ratios.push((before - solver.state().energies[0]) / told);
-    }
-    eprintln!("RATIOS {ratios:?}");
-}
-
 /// The iteration tells an indefinite matrix by the sign of these.
 #[test]
 fn an_indefinite_matrix_shows() {

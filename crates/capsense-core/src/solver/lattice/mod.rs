@@ -311,8 +311,8 @@ impl LatticeSolver {
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
         if coarser.are_due() {
-            // The calling thread has the vectors in its caches.
-            workers.both(residuals, || coarser.refresh(workers, arch));
+            // Residuals take less, so a helper that is done with them helps with coarser levels.
+            workers.both(|| coarser.refresh(workers, arch), residuals);
         } else {
             residuals();
         }

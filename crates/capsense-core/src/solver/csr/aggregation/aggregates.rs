@@ -36,7 +36,7 @@ impl Couplings {
         }
     }
 
-    fn at(&self, row: usize) -> &[(u32, f32)] {
+    pub(super) fn at(&self, row: usize) -> &[(u32, f32)] {
         &self.neighbours[self.offsets[row]..self.offsets[row + 1]]
     }
 
@@ -44,7 +44,7 @@ impl Couplings {
     /// have a share in them. With that part itself, which is by how much the way becomes longer, a grounded bar takes 65
     /// instead of 89 steps sideways at 300,000 tetrahedra, but a first frame among slivers 41 instead of 27. The parts
     /// come with them.
-    fn merged(&self, aggregate: &[u32], count: usize) -> (Self, Vec<f32>) {
+    pub(super) fn merged(&self, aggregate: &[u32], count: usize) -> (Self, Vec<f32>) {
         let mut members = vec![0.0; count];
         let mut weights = Vec::with_capacity(self.neighbours.len());
         for (row, &own) in aggregate.iter().enumerate().filter(|(_, own)| **own != NONE) {
@@ -140,7 +140,7 @@ pub(super) struct Aggregates {
     pub(super) count: usize,
     pub(super) couplings: Couplings,
     /// Of each of these, which part of the rows of both aggregates has a share in it.
-    parts: Vec<f32>,
+    pub(super) parts: Vec<f32>,
 }
 
 impl Aggregates {
@@ -187,61 +187,5 @@ fn number_by_first_rows(aggregate: &mut [u32], count: usize) {
             next += 1;
         }
         *own = *place;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::super::pattern::Pattern;
-    use super::*;
-    use std::sync::Arc;
-
-    const SIDE: usize = 32;
-
-    /// A square of nodes that are coupled along x by so much, along y by 1.
-    fn square(along_x: f32) -> Level {
-        let pattern = Pattern::new(SIDE * SIDE, |row, found| {
-            let (x, y) = (row % SIDE, row / SIDE);
-            found.extend((y > 0).then(|| (row - SIDE) as u32));
-            found.extend((x > 0).then(|| row as u32 - 1));
-            found.extend((x + 1 < SIDE).then_some(row as u32 + 1));
-            found.extend((y + 1 < SIDE).then_some((row + SIDE) as u32));
-        });
-        let mut level = Level::new(Arc::new(pattern));
-        for row in 0..SIDE * SIDE {
-            let columns = &level.pattern.columns()[level.pattern.entries(row)];
-            let weight = |&other: &u32| if row.abs_diff(other as usize) == 1 { along_x } else { 1.0 };
-            let weights: Vec<f32> = columns.iter().map(weight).collect();
-            level.set_diagonal(row, f64::from(weights.iter().sum::<f32>()));
-            level.weights[level.pattern.entries(row)].copy_from_slice(&weights);
-        }
-        level
-    }
-
-    /// What is in line is farther away the longer the line, and what is beside it is not.
-    #[test]
-    fn couplings_become_weaker_along_aggregates_only() {
-        let level = square(6.0);
-        let lines: Vec<u32> = (0..SIDE * SIDE).map(|row| (row / 4) as u32).collect();
-        let (merged, parts) = Couplings::of(&level).merged(&lines, SIDE * SIDE / 4);
-        let next = SIDE / 4;
-        let of = |other: usize| merged.at(0).iter().find(|(to, _)| *to as usize == other).map(|(_, w)| *w);
-        assert_eq!([of(1), of(next), of(next + 1)], [Some(3.0), Some(4.0), None]);
-        let of_first = Aggregates { of_row: lines, count: SIDE * SIDE / 4, couplings: merged, parts };
-        let parts: Vec<_> = of_first.parts(0).collect();
-        assert_eq!(parts, [(1, 0.25), (next as u32, 1.0)]);
-    }
-
-    /// Summed weights would make lines of eight.
-    #[test]
-    fn aggregates_are_no_lines_where_spacings_differ() {
-        let level = square(6.0);
-        let Aggregates { of_row, count, .. } = aggregates(&level, &Couplings::of(&level));
-        assert!((SIDE * SIDE / 10..SIDE * SIDE / 6).contains(&count), "{count}");
-        for own in 0..count as u32 {
-            let xs = || (0..SIDE * SIDE).filter(|&row| of_row[row] == own).map(|row| row % SIDE);
-            let length = xs().max().unwrap() - xs().min().unwrap() + 1;
-            assert!(length < 8, "{length}");
-        }
     }
 }

@@ -8,6 +8,8 @@ mod aggregates;
 mod coarsest;
 mod krylov;
 mod level;
+#[cfg(test)]
+mod tests;
 mod transfer;
 
 use super::change::Charges;
