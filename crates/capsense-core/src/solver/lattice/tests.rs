@@ -170,6 +170,9 @@ fn columns_that_are_done_stay_as_they_are() {
     let mut scene = Scene::new();
     scene.step(0.3);
     scene.solver.go_ahead();
+    // All columns have a last step.
+    scene.solver.descend(&[true; COLUMNS]);
+    scene.solver.precondition_and_step(&[true; COLUMNS], &[1.0; COLUMNS], &[0.0; COLUMNS]);
     let is_active = [true, false, true];
     let nodes = scene.nodes.len();
     let potentials = |solver: &LatticeSolver, column: usize| -> Vec<u64> {
