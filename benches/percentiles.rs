@@ -5,7 +5,7 @@
 //! Bars are seen by a depth camera, those of rows named `-solid` are exact solids. Rows named `lattice` are of graded lattices, `csr` of
 //! the same meshes as plain tetrahedra, and `bisected` of tetrahedra that were bisected, whose edges have no order and of which each
 //! node has twice as many. What two threads gain depends on how far apart
-//! their cores are, so it is told before each size how long a word takes from one to the other, and which instructions run.
+//! their cores are, so it is told before each size how long a word takes from one to the other. Which instructions run is told first.
 //! `CAPSENSE_BENCH_LARGE=1` adds meshes of more than 300,000 tetrahedra; arguments are names of rows to be measured alone.
 
 #![allow(clippy::unwrap_used, missing_docs)]

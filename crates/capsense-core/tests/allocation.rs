@@ -1,4 +1,5 @@
-//! Once storage has grown, a frame allocates nothing: neither taking it over nor solving it.
+//! Once storage has grown, a frame of one thread allocates nothing, neither taking it over nor solving it, but for bodies of such
+//! permittivity that they have a direction of their own.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 

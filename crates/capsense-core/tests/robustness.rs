@@ -215,6 +215,24 @@ fn a_conductor_everywhere_leaves_no_free_node() {
     }
 }
 
+/// What is left of residuals when the last free nodes are taken is nothing, whatever follows the rows that change.
+#[test]
+fn the_last_free_nodes_may_be_taken() {
+    let nearly_everywhere = Aabb { min: DVec3::splat(-1.0), max: DVec3::new(1.0, 1.0, 0.3) };
+    for sensor in both(stripes_sensor(6_000)) {
+        for preconditioner in [Preconditioner::Multigrid, Preconditioner::Ic0, Preconditioner::Jacobi] {
+            let options = SolverOptions { preconditioner, ..to(1e-8) };
+            let mut simulator = Simulator::new(sensor.clone(), vec![GROUNDED], options).unwrap();
+            let _ = simulator.step(&seen(&[nearly_everywhere])).unwrap();
+            for _ in 0..2 {
+                let report = simulator.step(&everywhere()).unwrap();
+                assert_eq!(report.solve.iterations, 0, "{preconditioner:?}");
+                assert!(report.solve.residual < 1e-12, "{preconditioner:?}: {report:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn nothing_occupied_is_the_empty_scene() {
     for sensor in both(stripes_sensor(6_000)) {

@@ -3,7 +3,8 @@
 /// Fields x of several terminals on one mesh with everything around them: K, an approximate inverse M, the residual
 /// r = -K x (zero on fixed rows), the preconditioned residual z, and the last step p.
 ///
-/// Columns advance together. One that is not `active` needs no more work: its z is not read again, its step is zero.
+/// Columns advance together. One that is not `active` needs no more work: its z is not read again, its step is zero, and what is told
+/// of it but for its energies may be that of before.
 ///
 /// A cycle has two halves. The way down from the residual, [`Operator::descend`], tells RᵀMR, how much energy there is to
 /// shed as far as M knows; z is made on the way up, by [`Operator::precondition`] or [`Operator::precondition_and_step`].

@@ -76,7 +76,7 @@ impl ConjugateGradients {
         self.start();
         fields.go_ahead();
         demand.update(&fields.state().energies);
-        let mut iterations = 0;
+        let (mut iterations, mut is_evaluated) = (0, false);
         while self.active.contains(&true) {
             if iterations == options.max_iterations {
                 return Err(SolveError::NotConverged {
@@ -88,9 +88,16 @@ impl ConjugateGradients {
             fields.descend(&self.active);
             let own = fields.gains().iter().step_by(self.active.len() + 1);
             self.rz.iter_mut().zip(own).for_each(|(rz, gain)| *rz = *gain);
-            self.check(iterations)?;
+            if let Some(column) = self.check(fields, demand, options, iterations)? {
+                // Sums of residuals may have followed the rows that changed with rounding, or not yet.
+                if iterations == 0 && !std::mem::replace(&mut is_evaluated, true) {
+                    fields.evaluate();
+                    self.start();
+                    continue;
+                }
+                return Err(self.breakdown(fields, demand, column, iterations));
+            }
             if !self.active.contains(&true) {
-                self.check_exhausted(fields, demand, options, iterations)?;
                 break;
             }
             if self.foresees_enough(fields, demand, options, iterations) {
@@ -163,30 +170,18 @@ impl ConjugateGradients {
         self.foresight.is_enough(steps, &self.active, gains, energies, allowed)
     }
 
-    /// Where r·z is zero there is nothing more to gain: either the residual is gone, or rounding has made z worthless.
-    fn check_exhausted(
-        &mut self,
+    /// r·z of a column is zero though its residual is not, and nothing is known of what that leaves.
+    fn breakdown(
+        &self,
         fields: &impl Operator,
         demand: &Demand,
-        options: &SolverOptions,
+        column: usize,
         iterations: usize,
-    ) -> Result<(), SolveError> {
+    ) -> SolveError {
         let state = fields.state();
-        let mut unfinished = None;
-        for column in 0..fields.columns() {
-            let energy = state.energies[column * fields.columns() + column];
-            let allowed = demand.allowed(column, energy, options);
-            if state.residual[column] <= GONE * state.charge[column] {
-                self.error.settle(column);
-            } else if !(self.error.has_stepped(column) && self.error.is_estimated_below(column, allowed)) {
-                unfinished = unfinished.or(Some(column));
-            }
-        }
-        let Some(column) = unfinished else { return Ok(()) };
         let residual = (state.residual[column] / state.charge[column]).sqrt();
-        // Without a step nothing is known.
         let relative_error = if self.error.has_stepped(column) { self.worst(demand) } else { 1.0 };
-        Err(SolveError::Breakdown { column, iterations, residual, relative_error })
+        SolveError::Breakdown { column, iterations, residual, relative_error }
     }
 
     /// Forgets what solves have shown, after one that failed.
@@ -213,19 +208,41 @@ impl ConjugateGradients {
             .fold(0.0, f64::max)
     }
 
-    /// Columns without a residual are done; others must have a finite, positive r·z.
-    fn check(&mut self, iteration: usize) -> Result<(), SolveError> {
-        for (column, active) in self.active.iter_mut().enumerate() {
+    /// Columns must have a finite, positive r·z; those in which it is zero are done, as there is nothing more to gain. Tells the first
+    /// of these that should have more: either its residual is gone or, unless rounding has made z worthless, its error is small.
+    fn check(
+        &mut self,
+        fields: &impl Operator,
+        demand: &Demand,
+        options: &SolverOptions,
+        iteration: usize,
+    ) -> Result<Option<usize>, SolveError> {
+        let (state, mut unfinished) = (fields.state(), None);
+        for column in 0..self.rz.len() {
             let rz = self.rz[column];
-            if *active && !rz.is_finite() {
+            if !self.active[column] {
+                continue;
+            }
+            if !rz.is_finite() {
                 return Err(SolveError::NonFinite { column, iteration });
             }
-            if *active && rz < 0.0 {
+            if rz < 0.0 {
                 return Err(SolveError::Indefinite { column, iteration, curvature: rz });
             }
-            *active &= rz > 0.0;
+            if rz > 0.0 {
+                continue;
+            }
+            self.active[column] = false;
+            let energy = state.energies[column * fields.columns() + column];
+            let is_small = self.error.has_stepped(column)
+                && self.error.is_estimated_below(column, demand.allowed(column, energy, options));
+            if state.residual[column] <= GONE * state.charge[column] {
+                self.error.settle(column);
+            } else if !is_small {
+                unfinished = unfinished.or(Some(column));
+            }
         }
-        Ok(())
+        Ok(unfinished)
     }
 
     fn lengths_are_usual(&self) -> bool {

@@ -61,6 +61,8 @@ pub(crate) struct Solver<const L: usize> {
     islands: Islands,
     workers: Workers,
     state: State,
+    /// Columns that are worked on.
+    active: Vec<usize>,
     /// RᵀMR of all pairs of columns; with several groups only of pairs in one.
     gains: Vec<f64>,
     finest_gains: Vec<f64>,
@@ -237,6 +239,7 @@ impl<const L: usize> Solver<L> {
             workers,
             state: State::new(columns),
             products: [vec![0.0; columns], vec![0.0; columns]],
+            active: Vec::with_capacity(columns),
             gains: vec![0.0; columns * columns],
             finest_gains: vec![0.0; columns * columns],
             stale: Stale::below(nodes),
@@ -399,6 +402,8 @@ impl<const L: usize> Solver<L> {
             }
         }
         if !self.islands.is_empty() && self.inverse.is_approximate() {
+            self.active.clear();
+            self.active.extend((0..self.columns).filter(|&column| active[column]));
             self.add_gains_of_islands();
         }
     }
@@ -409,13 +414,12 @@ impl<const L: usize> Solver<L> {
     }
 
     fn add_gains_of_islands(&mut self) {
-        let Self { columns, rows, groups, increments, islands, gains, .. } = self;
+        let Self { columns, rows, groups, increments, islands, gains, active, .. } = self;
         let r = |node: u32, column: usize| {
             let charges = increments[column / L].charges_of(&groups[column / L]);
             -charges.at(rows.row_of(node as usize))[column % L]
         };
-        let all: Vec<usize> = (0..*columns).collect();
-        islands.add_gains(r, &all, *columns, gains);
+        islands.add_gains(r, active, *columns, gains);
         for t in 0..*columns {
             for s in 0..t {
                 gains[t * *columns + s] = gains[s * *columns + t];
