@@ -313,7 +313,8 @@ fn the_tolerance_on_changes_holds() {
         });
         for frame in 0..60 {
             let step = f64::from(frame);
-            let boxes = [bar(0.35 - 0.005 * step, 0.0), bar(0.06 + 0.004 * step, -0.1 + 0.003 * step)];
+            // Far enough apart for nodes between them.
+            let boxes = [bar(0.35 - 0.003 * step, 0.0), bar(0.03 + 0.0005 * step, -0.1 + 0.003 * step)];
             let depth = depth_of_boxes([80, 80], &boxes);
             let _ = truth.step(&depth).unwrap();
             let change = |row, column| truth.capacitance().get(row, column) - truth.base().get(row, column);

@@ -1,6 +1,8 @@
 //! The operator against closed identities.
 
 mod ahead;
+mod groups;
+mod islands;
 
 use super::*;
 use crate::electrode::{Electrode, Outline};
@@ -316,73 +318,6 @@ fn moving_in_steps_is_moving_at_once() {
     }
 }
 
-/// What the island adds to rᵀz is (1ᵀr)²/(1ᵀK1), 1 its indicator, from which both sums follow without the solver.
-#[test]
-fn an_island_is_corrected_by_its_own_stiffness() {
-    let mut scene = Scene::new(5_000);
-    let mut solver = scene.solver(2, Preconditioner::Jacobi, 1);
-    scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
-    scene.tell(&mut solver);
-    let network = scene.matrix.network();
-    let mut inside = vec![false; scene.matrix.nodes()];
-    for (edge, coupling) in scene.occupancy.couplings().iter().enumerate() {
-        if coupling.through >= CONTRAST {
-            network.edges().ends(edge).unwrap().iter().for_each(|&node| inside[node as usize] = true);
-        }
-    }
-    let body = || (0..inside.len()).filter(|&node| inside[node]);
-    assert!(body().count() > 20);
-    let outward =
-        |node| scene.matrix.row(node).filter(|(other, _)| !inside[*other]).map(|(_, weight)| weight);
-    let stiffness: f64 = body().flat_map(outward).sum();
-    // The charges on the electrodes must have reached the body.
-    iterate(&mut solver, 10);
-    let push: f64 = body().map(|node| -solver.charge(0, node)).sum();
-    solver.descend(&[true; 2]);
-    let without = solver.gains()[0];
-    solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
-    solver.descend(&[true; 2]);
-    let with = solver.gains()[0];
-    let expected = push * push / stiffness;
-    assert!(((with - without) / expected - 1.0).abs() < 1e-3, "{with} {without} {expected}");
-}
-
-/// A surface just above nodes joins these to the body by weaker edges than its inside, so one body is several islands, one
-/// in the other. What K makes of their indicators is led back to them.
-#[test]
-fn islands_in_islands_are_solved_for_exactly() {
-    let mut scene = Scene::new(5_000);
-    let mut islands = Islands::from_contrast(CONTRAST);
-    let mut height = 0.02;
-    while islands.islands().len() < 2 {
-        height += 1e-4;
-        assert!(height < 0.06);
-        scene.move_object(height, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
-        islands.find(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
-    }
-    let mut expected = vec![0.0; scene.matrix.nodes()];
-    for (island, height) in islands.islands().iter().zip([1.0, -0.3, 2.0]) {
-        island.nodes().iter().for_each(|&node| expected[node as usize] += height);
-    }
-    let charge = |node: u32| -> f64 {
-        let node = node as usize;
-        let around = scene.matrix.row(node).map(|(other, weight)| weight * expected[other]);
-        scene.matrix.diagonal(node) * expected[node] - around.sum::<f64>()
-    };
-    let mut found = vec![0.0; expected.len()];
-    islands.correct(charge, |node, shift| found[node as usize] += shift);
-    // In a second column, twice as much of the same.
-    let mut gains = [0.0; 4];
-    islands.add_gains(|node, column| [1.0, 2.0][column] * charge(node), &[0, 1], 2, &mut gains);
-    let energy: f64 = expected.iter().zip(0..).map(|(x, node)| x * charge(node)).sum();
-    for (gain, factor) in gains.into_iter().zip([1.0, 2.0, 0.0, 4.0]) {
-        assert!((gain / energy - factor).abs() < 1e-9, "{gain} {energy}");
-    }
-    for (found, expected) in found.iter().zip(&expected) {
-        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
-    }
-}
-
 /// K x is right where the potential was set and at all its neighbours, without a word about changed rows.
 #[test]
 fn a_potential_that_is_set_counts_at_all_neighbours() {
@@ -439,75 +374,6 @@ fn incomplete_factors_are_those_of_the_matrix_in_any_form() {
     }
 }
 
-/// Columns that have converged keep their fields while others go on, alone in a group or beside others, and energies between both
-/// are right.
-#[test]
-fn columns_that_are_done_stay_as_they_are() {
-    let mut scene = Scene::new(5_000);
-    let mut solver = scene.solver(11, Preconditioner::Multigrid, 1);
-    iterate(&mut solver, 6);
-    for height in [0.0309, 0.0307, 0.0305] {
-        scene.move_plate(height);
-        scene.tell(&mut solver);
-        solver.go_ahead();
-        iterate(&mut solver, 3);
-    }
-    let mut leads = 0;
-    for height in [0.0303, 0.0301] {
-        // Groups are ahead of what is stored, those that take steps and those that do not.
-        scene.move_plate(height);
-        scene.tell(&mut solver);
-        solver.go_ahead();
-        let rows = scene.holders.len();
-        let CsrSolver::Eight(of_eight) = &solver else { panic!("11 columns are more than four") };
-        let is_led = |of: &Increment<8>| (0..rows).any(|row| of.lead_of(row) != [0.0; 8]);
-        leads += usize::from(of_eight.increments.iter().all(is_led));
-        let is_active: Vec<bool> = (0..11).map(|column| column < 7).collect();
-        let before: Vec<_> = (0..11).map(|column| bits(&solver, column, rows)).collect();
-        solver.descend(&is_active);
-        solver.precondition(&is_active);
-        solver.step(
-            &is_active.iter().map(|&active| f64::from(u8::from(active))).collect::<Vec<_>>(),
-            &[0.0; 11],
-        );
-        for (column, before) in before.iter().enumerate() {
-            let potentials =
-                |of: &[[u64; 2]]| of.iter().map(|bits| f64::from_bits(bits[1])).collect::<Vec<_>>();
-            let now = bits(&solver, column, rows);
-            assert_eq!(potentials(before) == potentials(&now), !is_active[column], "{height} {column}");
-        }
-        let told = solver.state().energies.clone();
-        let mut moved = solver.clone();
-        moved.evaluate();
-        for (energy, expected) in told.iter().zip(&moved.state().energies) {
-            assert!((energy - expected).abs() < 1e-12 * told[0], "{energy} {expected}");
-        }
-    }
-    assert!(leads > 0, "both groups are led on");
-}
-
-#[test]
-fn a_column_has_the_same_bits_in_any_company_and_on_any_number_of_threads() {
-    let mut scene = Scene::new(150_000);
-    let rows = scene.holders.len();
-    assert!(rows > 20_000, "too few rows for threads");
-    let mut alone = scene.solver(3, Preconditioner::Multigrid, 1);
-    let mut shared = scene.solver(3, Preconditioner::Multigrid, 3);
-    let mut among_others = scene.solver(10, Preconditioner::Multigrid, 2);
-    scene.move_plate(0.03);
-    for solver in [&mut alone, &mut shared, &mut among_others] {
-        scene.tell(solver);
-        iterate(solver, 3);
-    }
-    for column in 0..3 {
-        let expected = bits(&alone, column, rows);
-        assert!(bits(&shared, column, rows) == expected, "threads");
-        assert!(bits(&among_others, column, rows) == expected, "lanes");
-        assert!(bits(&among_others, column + 6, rows) == expected, "groups");
-    }
-    assert_eq!(shared.state().energies, alone.state().energies);
-}
-
 /// Nothing of a frame that was no number is left in the next one, not in its last step either.
 #[test]
 fn what_was_no_number_is_forgotten() {
@@ -555,38 +421,6 @@ fn energies_are_those_of_the_fields_before_any_step() {
     }
 }
 
-/// What coarse levels know of is not told of twice.
-#[test]
-fn levels_stand_in_for_islands_of_weak_bodies() {
-    let found = |preconditioner, permittivity| {
-        let mut scene = Scene::new(5_000);
-        let mut solver = scene.solver_of_four(2, preconditioner, 1);
-        scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(permittivity).unwrap()));
-        let (fixed, all) = (scene.fixed(), scene.all_nodes());
-        solver.islands.find(&scene.matrix, &scene.occupancy, &fixed, &all);
-        !solver.islands.is_empty()
-    };
-    assert!(!found(Preconditioner::Multigrid, 80.0) && found(Preconditioner::Jacobi, 80.0));
-    assert!(found(Preconditioner::Multigrid, 1e4));
-}
-
-/// Inside it the potential is nearly constant and nearly free: the direction that an iteration finds last.
-#[test]
-fn a_body_that_nearly_floats_takes_few_iterations() {
-    for (preconditioner, iterations) in [(Preconditioner::Multigrid, 20), (Preconditioner::Ic0, 60)] {
-        let mut scene = Scene::new(5_000);
-        let mut solver = scene.solver(2, preconditioner, 1);
-        scene.move_object(0.03, Material::Dielectric(RelativePermittivity::new(1e6).unwrap()));
-        scene.tell(&mut solver);
-        solver.find_islands(&scene.matrix, &scene.occupancy, &scene.fixed(), &scene.all_nodes());
-        iterate(&mut solver, iterations);
-        let mut exact = scene.solver(2, Preconditioner::Direct, 1);
-        iterate(&mut exact, 2);
-        let error = |of: &CsrSolver| (of.state().energies[0] / exact.state().energies[0] - 1.0).abs();
-        assert!(error(&solver) < 1e-10, "{preconditioner:?}: {:e}", error(&solver));
-    }
-}
-
 /// The iteration tells an indefinite matrix by the sign of these.
 #[test]
 fn an_indefinite_matrix_shows() {
@@ -597,21 +431,4 @@ fn an_indefinite_matrix_shows() {
     solver.inverse.refresh(&solver.rows);
     solver.descend(&[true; 2]);
     assert!(solver.gains.iter().step_by(3).all(|&gain| gain < 0.0));
-}
-
-#[test]
-fn islands_found_where_something_changed_are_those_found_at_once() {
-    let body = Material::Dielectric(RelativePermittivity::new(50.0).unwrap());
-    let mut scene = Scene::new(5_000);
-    let mut moving = Islands::from_contrast(CONTRAST);
-    for height in [0.03, 0.035, 0.06, 0.01, 0.058, 0.2, 0.03] {
-        scene.move_object(height, body);
-        let fixed = scene.fixed();
-        moving.find(&scene.matrix, &scene.occupancy, &fixed, scene.matrix.changed_rows());
-        let mut fresh = Islands::from_contrast(CONTRAST);
-        fresh.find(&scene.matrix, &scene.occupancy, &fixed, &scene.all_nodes());
-        assert_eq!(moving.islands(), fresh.islands(), "{height}");
-        let seen = !scene.occupancy.changed_edges().is_empty();
-        assert_eq!(fresh.islands().len(), usize::from(height < 0.1 && seen), "{height}");
-    }
 }
