@@ -159,9 +159,9 @@ impl Simulator {
     /// From electrodes, a mesh and a pose to a capacitance matrix: a grounded bar, known as a solid, passes 20 mm above two
     /// electrodes.
     /// ```
-    /// use capsense_core::{electrode::{Electrode, Outline}, geometry::{Aabb, Pose}, glam::{DVec2, DVec3}};
+    /// use capsense_core::{electrode::{Electrode, Outline}, geometry::{Aabb, Pose, Shape}, glam::{DVec2, DVec3}};
     /// use capsense_core::{material::{Connection, Material}, sensor::{Sensor, SensorDesign, Wall}};
-    /// use capsense_core::{simulator::Simulator, solids::{Shape, Solids}, solver::SolverOptions};
+    /// use capsense_core::{simulator::Simulator, solids::Solids, solver::SolverOptions};
     ///
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// let domain = Aabb { min: DVec3::new(-0.2, -0.2, -0.1), max: DVec3::new(0.2, 0.2, 0.3) };
