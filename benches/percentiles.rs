@@ -16,7 +16,7 @@ use capsense_core::material::{Connection, Material, RelativePermittivity};
 use capsense_core::sensor::{MeshKind, Sensor};
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
-use common::{BAR, Motion, design, is_large, is_test, on_lattice, solver_options};
+use common::{BAR, Motion, design, is_large, is_test, on_lattice, on_tetrahedra, solver_options};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
@@ -91,7 +91,7 @@ fn lattice(size: usize) -> Sensor {
 }
 
 fn tetrahedra(size: usize) -> Sensor {
-    lattice(size).off_lattice()
+    on_tetrahedra(&design().lattice(size).unwrap())
 }
 
 fn bisected(size: usize) -> Sensor {

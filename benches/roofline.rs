@@ -18,7 +18,7 @@ use common::{Motion, design, is_test, mesh_sizes, on_lattice, solver_options};
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Potentials on lattices are in single precision down to this.
+/// Most frames then take several iterations, and potentials on lattices are in single precision still.
 const TOLERANCE: f64 = 2e-6;
 
 /// Three electrodes and a grounded bar.

@@ -209,7 +209,7 @@ impl ConjugateGradients {
     }
 
     /// Columns must have a finite, positive r·z; those in which it is zero are done, as there is nothing more to gain. Tells the first
-    /// of these that should have more: either its residual is gone or, unless rounding has made z worthless, its error is small.
+    /// of these that is not done after all: its residual is not gone, and no step has shown that its error is small.
     fn check(
         &mut self,
         fields: &impl Operator,

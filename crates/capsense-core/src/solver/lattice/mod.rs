@@ -70,7 +70,7 @@ pub(crate) struct LatticeSolver {
     /// The last step but for a factor, which each column has its own.
     p: Coloured<f32>,
     scale: Vec<f64>,
-    /// Room for what p counts in a step.
+    /// Room for how much of p a step takes, in relation to z.
     beta: Vec<f64>,
     increment: Increment,
     /// Its finest level holds r and z.
