@@ -110,6 +110,24 @@ impl Workers {
         }
     }
 
+    /// Does something and the work for every task, none of which must depend on another. The calling thread does the one thing, then
+    /// tasks from the first on; helpers do tasks from the last on meanwhile.
+    pub(crate) fn beside<T: Send>(
+        &self,
+        first: impl FnOnce(),
+        tasks: impl Iterator<Item = T> + Send,
+        work: impl Fn(T) + Sync,
+    ) {
+        let claimed = self.team.as_deref().map(|team| (team, team.claim(usize::MAX)));
+        match claimed.filter(|(_, helpers)| *helpers > 0) {
+            Some((team, helpers)) => team.share_tasks(helpers, first, tasks, work),
+            None => {
+                first();
+                self.for_each(tasks, work);
+            }
+        }
+    }
+
     /// Does the work for every task, which must not depend on each other. The calling thread takes the first ones and helpers the
     /// last ones, so that from phase to phase and frame to frame each meets mostly what it wrote itself.
     pub(crate) fn for_each<T: Send>(
@@ -127,22 +145,7 @@ impl Workers {
                 work(other);
                 continue;
             }
-            let rest = Mutex::new(Queue::of(std::iter::once(other).chain(tasks)));
-            let lock = || rest.lock().unwrap_or_else(PoisonError::into_inner);
-            let from_first = || {
-                work(own);
-                let next = || lock().first();
-                while let Some(task) = next() {
-                    work(task);
-                }
-            };
-            let from_last = || {
-                let next = || lock().last();
-                while let Some(task) = next() {
-                    work(task);
-                }
-            };
-            return team.share(helpers, from_first, from_last);
+            return team.share_tasks(helpers, || work(own), std::iter::once(other).chain(tasks), &work);
         }
     }
 }
@@ -199,6 +202,32 @@ impl Team {
         }
         let rest = |idle: usize| Some(idle.saturating_sub(most));
         idle.fetch_update(Ordering::AcqRel, Ordering::Acquire, rest).map_or(0, |idle| idle.min(most))
+    }
+
+    /// Does the one thing and then tasks from the first on; so many claimed helpers do tasks from the last on.
+    fn share_tasks<T: Send>(
+        &self,
+        helpers: usize,
+        first: impl FnOnce(),
+        tasks: impl Iterator<Item = T> + Send,
+        work: impl Fn(T) + Sync,
+    ) {
+        let tasks = Mutex::new(Queue::of(tasks));
+        let lock = || tasks.lock().unwrap_or_else(PoisonError::into_inner);
+        let from_first = || {
+            first();
+            let next = || lock().first();
+            while let Some(task) = next() {
+                work(task);
+            }
+        };
+        let from_last = || {
+            let next = || lock().last();
+            while let Some(task) = next() {
+                work(task);
+            }
+        };
+        self.share(helpers, from_first, from_last);
     }
 
     /// Does the one thing, and so many claimed helpers the other.

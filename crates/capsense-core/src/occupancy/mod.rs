@@ -354,13 +354,11 @@ impl Occupancy {
         wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
         let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
-            walls.finish(workers, scene, |edge| {
-                // Of edges along the rays, only those through a face have taps beside them.
-                let may_differ = edge % 3 != camera_wall::RAYS || self.couplings[edge] != Coupling::PLAIN;
-                if may_differ && !edges.marked().contains(edge) {
-                    around.insert(edge);
-                }
-            });
+            let (marked, couplings) = (edges.marked(), &self.couplings);
+            // Of edges along the rays, only those through a face have taps beside them.
+            let may_differ = |edge| edge % 3 != camera_wall::RAYS || couplings[edge] != Coupling::PLAIN;
+            let matters = |edge| !marked.contains(edge) && may_differ(edge);
+            walls.finish(workers, scene, matters, |edge| around.insert(edge));
         }
         let mut anew = std::mem::take(&mut self.scratch.edges_anew);
         let conductor = std::mem::take(&mut self.conductor);

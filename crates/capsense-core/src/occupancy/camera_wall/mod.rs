@@ -24,6 +24,7 @@
 mod beside;
 mod dual_face;
 mod layers;
+mod walls;
 
 use super::coupling::SMALLEST_PART;
 use super::index_set::IndexSet;
@@ -35,14 +36,15 @@ use crate::sensor::FREE;
 use crate::workers::Workers;
 use beside::BesideWall;
 use dual_face::DualFace;
-use layers::{Layer, RayLayers};
-use rustc_hash::FxHashMap;
+use layers::RayLayers;
+use std::ops::Range;
+use walls::Walls;
 
 /// Cameras look along this axis.
 pub(super) const RAYS: usize = 2;
 
-/// So many edges keep a thread busy for much longer than it takes to hand them over.
-const EDGES_OF_A_TASK: usize = 64;
+/// So many tasks for each thread, as some take longer and some threads come later.
+const TASKS_OF_A_THREAD: usize = 4;
 
 /// Whether the rule is of use.
 pub(super) fn is_of_use(edges: &Edges, materials: &[Material], surfaces: &dyn Surfaces) -> bool {
@@ -53,101 +55,81 @@ pub(super) fn is_of_use(edges: &Edges, materials: &[Material], surfaces: &dyn Su
 /// What walls leave of the edges across a camera's rays, for each edge beside one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CameraWalls {
-    of_edges: FxHashMap<u32, BesideWall>,
-    /// The same edges once more, as that is soon asked.
-    known: IndexSet,
+    of_edges: Walls,
     layers: RayLayers,
-    /// Working storage: nodes beside which something may differ, edges from there that bodies no longer end at with what they left of
-    /// them, edges that one ends at, and what it leaves of those.
+    /// Working storage: nodes beside which something may differ, and what was found there.
     near: IndexSet,
-    gone: Vec<(u32, BesideWall)>,
-    asked: Vec<(u32, Layer)>,
-    found: Vec<Option<BesideWall>>,
+    found: Vec<Found>,
+}
+
+/// What a task found: edges of which walls leave something else than before, and those to be coupled anew for that.
+#[derive(Clone, Debug, Default)]
+struct Found {
+    walls: Vec<(u32, Option<BesideWall>)>,
+    anew: Vec<usize>,
 }
 
 impl CameraWalls {
     /// None, on a mesh of so many nodes and edges.
     pub(super) fn below(nodes: usize, edges: usize) -> Self {
-        Self { known: IndexSet::below(edges), near: IndexSet::below(nodes), ..Self::default() }
+        Self { of_edges: Walls::below(edges), near: IndexSet::below(nodes), ..Self::default() }
     }
 
     /// Moves to the next frame, in which answers differ in boxes that some planes touch. What becomes of edges there is yet to be found.
     pub(super) fn start(&mut self, scene: &Scene<'_>, regions: &[Planes]) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
-        self.asked.clear();
         if scene.has_camera_walls {
             self.layers.update(scene, lattice, regions);
-            self.ask(lattice, regions);
-        } else {
-            self.layers.clear();
-            self.known.drain(|_| ());
-            self.gone.extend(self.of_edges.drain());
+            for planes in regions {
+                // Of edges across the rays that touch a box, the first ends are before it.
+                let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
+                lattice.for_rows_of(&starts, |nodes| self.near.insert_all(nodes));
+            }
         }
     }
 
-    /// Finds out what becomes of these edges and visits those that other walls leave something else of.
-    pub(super) fn finish(&mut self, workers: &Workers, scene: &Scene<'_>, mut visit: impl FnMut(usize)) {
+    /// Has threads find out what becomes of these edges. Visits those that are to be coupled anew as other walls are beside them, if that
+    /// matters to them.
+    pub(super) fn finish(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        matters: impl Fn(usize) -> bool + Sync,
+        mut visit: impl FnMut(usize),
+    ) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
-        for (edge, before) in self.gone.drain(..) {
-            for_edges_of(lattice, edge as usize, [Some(&before), None], &mut visit);
-        }
-        let Self { of_edges, known, asked, found, .. } = self;
-        found.resize(asked.len(), None);
-        let tasks = asked.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK));
-        workers.for_each(tasks, |(asked, found)| {
-            for ((edge, layer), found) in asked.iter().zip(found) {
-                let edge = *edge as usize;
-                let face = DualFace::at(lattice, edge / (3 * lattice.strides()[RAYS]));
-                *found = scene.beside_wall(&face, edge, layer);
-            }
-        });
-        for (&(edge, _), now) in asked.iter().zip(found) {
-            let before = match *now {
-                Some(now) => {
-                    known.insert(edge as usize);
-                    of_edges.insert(edge, now)
-                }
-                None => {
-                    known.remove(edge as usize);
-                    of_edges.remove(&edge)
-                }
-            };
-            if before != *now {
-                for_edges_of(lattice, edge as usize, [before.as_ref(), now.as_ref()], &mut visit);
-            }
-        }
-    }
-
-    /// Collects the edges whose dual faces touch some boxes and that a body ends at, and forgets the others there.
-    fn ask(&mut self, lattice: &Lattice, regions: &[Planes]) {
-        let Self { of_edges, known, layers, near, asked, gone, .. } = self;
-        for planes in regions {
-            // Of edges across the rays that touch a box, the first ends are before it.
-            let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
-            lattice.for_rows_of(&starts, |nodes| near.insert_all(nodes));
-        }
-        let (strides, counts) = (lattice.strides(), lattice.node_counts());
-        near.drain_runs(|nodes| {
-            let mut place = lattice.node_place(nodes.start);
-            let mut face = DualFace::at(lattice, place[RAYS]);
-            for node in nodes {
-                if place[0] == counts[0] {
-                    place = lattice.node_place(node);
-                    face = DualFace::at(lattice, place[RAYS]);
-                }
-                let column = node - place[RAYS] * strides[RAYS];
-                for axis in (0..RAYS).filter(|&axis| place[axis] + 1 < counts[axis]) {
-                    let (edge, columns) = (3 * node + axis, [column, column + strides[axis]]);
-                    if let Some(layer) = layers.only_one(&face, columns) {
-                        asked.push((edge as u32, layer));
-                    } else if known.contains(edge) {
-                        known.remove(edge);
-                        gone.extend(of_edges.remove_entry(&(edge as u32)));
+        let Self { of_edges, layers, near, found } = self;
+        if !scene.has_camera_walls {
+            layers.clear();
+            of_edges.drain(|edge, wall| {
+                for_edges_of(lattice, edge, [Some(wall), None], |edge| {
+                    if matters(edge) {
+                        visit(edge)
                     }
-                }
-                place[0] += 1;
-            }
+                });
+            });
+            return;
+        }
+        found.resize_with(workers.tasks(TASKS_OF_A_THREAD), Found::default);
+        let tasks = IndexSet::cut([near], found.len()).zip(&mut *found);
+        workers.for_each(tasks, |(part, Found { walls, anew })| {
+            part.drain_runs(|nodes| {
+                for_edges_across(lattice, nodes, |edge, face, columns| {
+                    let layer = layers.only_one(face, columns);
+                    let now = layer.and_then(|layer| scene.beside_wall(face, edge, &layer));
+                    let before = of_edges.get(edge);
+                    if before != now.as_ref() {
+                        walls.push((edge as u32, now));
+                        let beside = [before, now.as_ref()];
+                        for_edges_of(lattice, edge, beside, |edge| {
+                            anew.extend(matters(edge).then_some(edge))
+                        });
+                    }
+                });
+            });
         });
+        of_edges.take(found.iter_mut().flat_map(|found| found.walls.drain(..)));
+        found.iter_mut().flat_map(|found| found.anew.drain(..)).for_each(visit);
     }
 
     /// Collects the objects that an edge passes through, in the order in which they are listed. What is on the rays is known.
@@ -196,7 +178,7 @@ impl CameraWalls {
         on_edge: &[(u16, Span)],
         cut: Coupling,
     ) -> Coupling {
-        let Some(beside) = self.of_edges.get(&(edge as u32)) else { return cut };
+        let Some(beside) = self.of_edges.get(edge) else { return cut };
         // Where the end is under a face, but the body is on the edge, surfaces slant.
         let is_alone = on_edge.iter().all(|&(other, _)| !beside.is_under && other == beside.object);
         // An electrode in the body is linked to it as before.
@@ -256,7 +238,7 @@ impl CameraWalls {
             return 0.0;
         }
         let tap = |across: usize, end: usize| {
-            let beside = self.of_edges.get(&(across as u32))?;
+            let beside = self.of_edges.get(across)?;
             let is_of_face = (usize::from(beside.object), usize::from(beside.end)) == (object, end);
             is_of_face.then_some(beside.past.abruptness * beside.past.tap)
         };
@@ -280,12 +262,35 @@ impl CameraWalls {
     }
 }
 
+/// Visits the edges across the rays from some successive nodes, with their dual faces and the columns of their ends.
+#[inline]
+fn for_edges_across(
+    lattice: &Lattice,
+    nodes: Range<usize>,
+    mut visit: impl FnMut(usize, &DualFace, [usize; 2]),
+) {
+    let (strides, counts) = (lattice.strides(), lattice.node_counts());
+    let mut place = lattice.node_place(nodes.start);
+    let mut face = DualFace::at(lattice, place[RAYS]);
+    for node in nodes {
+        if place[0] == counts[0] {
+            place = lattice.node_place(node);
+            face = DualFace::at(lattice, place[RAYS]);
+        }
+        let column = node - place[RAYS] * strides[RAYS];
+        for axis in (0..RAYS).filter(|&axis| place[axis] + 1 < counts[axis]) {
+            visit(3 * node + axis, &face, [column, column + strides[axis]]);
+        }
+        place[0] += 1;
+    }
+}
+
 /// Visits an edge beside a wall, and those along the rays that taps of it may be beside, before or now.
 fn for_edges_of(
     lattice: &Lattice,
     edge: usize,
     walls: [Option<&BesideWall>; 2],
-    visit: &mut impl FnMut(usize),
+    mut visit: impl FnMut(usize),
 ) {
     visit(edge);
     let has_tap = |end: u8| walls.iter().flatten().any(|wall| wall.end == end && wall.past.tap != 0.0);

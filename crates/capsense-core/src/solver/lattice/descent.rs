@@ -80,6 +80,11 @@ impl Descent {
         }
     }
 
+    /// Goes through no plane.
+    pub(super) fn rest(&mut self) {
+        (self.first, self.next) = (0, 0);
+    }
+
     /// Goes on to the residual of a plane.
     #[inline(always)]
     pub(super) fn go_on<S: Simd>(&mut self, simd: S, level: &Level, k: usize, active: &[usize]) {

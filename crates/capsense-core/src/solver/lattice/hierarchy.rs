@@ -6,6 +6,7 @@
 //! that a level cannot smooth along a short spacing are smooth on the level where that spacing is gone.
 
 use super::descent::OVERCORRECTION;
+use super::following::{Coarser, Further};
 use super::layout::Layout;
 use super::level::Level;
 use super::network::{Changed, Network};
@@ -57,6 +58,9 @@ pub(super) struct Hierarchy {
     pending: Changed,
     waited: usize,
     is_due: bool,
+    /// Once the second level has followed and until all others have, which is done beside the way down if not before: how many
+    /// stages have.
+    followed: Option<usize>,
 }
 
 impl Hierarchy {
@@ -78,6 +82,7 @@ impl Hierarchy {
             pending: Changed::nothing(layout.counts),
             waited: 0,
             is_due: true,
+            followed: None,
             levels,
             transfers,
         }
@@ -91,7 +96,7 @@ impl Hierarchy {
         self.transfers.iter_mut().for_each(Transfer::clear);
     }
 
-    /// Gives back the room that the first refresh took, in which every row changed.
+    /// Gives back the room that the first refresh took, in which every row changed and all levels have followed.
     pub(super) fn settle(&mut self) {
         self.changed.release();
         self.pending.release();
@@ -101,6 +106,7 @@ impl Hierarchy {
     /// Zeros in all networks, as before the first refresh.
     pub(super) fn clear_networks(&mut self) {
         self.finest.clear();
+        self.followed = None;
         for level in &mut self.levels {
             let Stencil { next, centre, .. } = &mut level.stencil;
             next.iter_mut().flatten().chain(centre).for_each(|values| values.fill(0.0));
@@ -149,11 +155,20 @@ impl Hierarchy {
         *waited = if *is_due { 0 } else { *waited + 1 };
     }
 
-    /// The finest level, and what makes the coarser ones follow it.
-    pub(super) fn split(&mut self) -> (&mut Level, Coarser<'_>) {
-        let Self { levels, transfers, finest, pending, is_due, .. } = self;
+    /// The finest level, and what makes the coarser ones follow it if they are to do that now.
+    pub(super) fn split(&mut self) -> (&mut Level, Option<Coarser<'_>>) {
+        let Self { levels, transfers, finest, pending, is_due, followed, .. } = self;
         let (first, levels) = levels.split_at_mut(1);
-        (&mut first[0], Coarser { levels, transfers, finest, pending, is_due: *is_due })
+        let coarser = is_due.then_some(Coarser { levels, transfers, finest, pending, followed });
+        (&mut first[0], coarser)
+    }
+
+    /// Lets those levels follow that are behind, before the finest one is another again.
+    pub(super) fn catch_up(&mut self, workers: &Workers, arch: EightLanes) {
+        let Self { levels, transfers, followed, .. } = self;
+        if let ([first, transfers @ ..], [_, levels @ ..]) = (&mut transfers[..], &mut levels[..]) {
+            Further { transfers, levels, followed }.follow(first.coarse(), workers, arch, || true);
+        }
     }
 
     /// The second half of a symmetric V-cycle, up to the correction x of the finest level.
@@ -175,23 +190,39 @@ impl Hierarchy {
         active: &[usize],
         [gains, of_finest]: [&mut [f64]; 2],
     ) {
-        let Self { levels, transfers, .. } = self;
         gains.fill(0.0);
         of_finest.fill(0.0);
         // What a level gains it gains of a residual that was raised on the way to it, and back on the finest of z only.
         let mut part = 1.0;
-        for (index, transfer) in transfers.iter_mut().enumerate() {
-            let (fine, coarse) = levels.split_at_mut(index + 1);
-            transfer.restrict(workers, arch, &fine[index], &mut coarse[0], active);
-            transfer.add_gains(active, part, gains);
+        for index in 0..self.transfers.len() {
+            if index == 0 && self.followed.is_some() {
+                self.leave_finest(workers, arch, active);
+            } else {
+                let (fine, coarse) = self.levels.split_at_mut(index + 1);
+                self.transfers[index].restrict(workers, arch, &fine[index], &mut coarse[0], active);
+            }
+            self.transfers[index].add_gains(active, part, gains);
             if index == 0 {
                 of_finest.copy_from_slice(gains);
             }
             part /= f64::from(OVERCORRECTION);
         }
-        if let Some(coarsest) = levels.last_mut() {
+        if let Some(coarsest) = self.levels.last_mut() {
             coarsest.solve(arch, COARSEST_SWEEPS, active);
             coarsest.add_products(active, part, gains);
+        }
+    }
+
+    /// The way down from the finest level to the second one while further ones follow.
+    fn leave_finest(&mut self, workers: &Workers, arch: EightLanes, active: &[usize]) {
+        let Self { levels, transfers, followed, .. } = self;
+        if let ([first, transfers @ ..], [finest, levels @ ..]) = (&mut transfers[..], &mut levels[..])
+            && let [second, ..] = levels
+        {
+            let (layout, mut b) = (second.layout, std::mem::take(&mut second.b));
+            let further = Further { transfers, levels, followed };
+            first.restrict_beside((workers, arch), finest, (layout, &mut b), active, further);
+            levels[0].b = b;
         }
     }
 
@@ -214,35 +245,6 @@ fn replace(stored: &mut f32, now: f32) -> bool {
 fn is_far(before: f32, now: f32, least: f32) -> bool {
     let (before, now) = (before.max(least), now.max(least));
     now > FAR * before || before > FAR * now
-}
-
-/// All levels but the finest, and where that changed.
-pub(super) struct Coarser<'a> {
-    levels: &'a mut [Level],
-    transfers: &'a mut [Transfer],
-    finest: &'a Network,
-    pending: &'a mut Changed,
-    is_due: bool,
-}
-
-impl Coarser<'_> {
-    /// Whether they are to follow the finest level now.
-    pub(super) fn are_due(&self) -> bool {
-        self.is_due
-    }
-
-    /// Recomputes them where the finest level changed.
-    pub(super) fn refresh(self, workers: &Workers, arch: EightLanes) {
-        let (mut fine, mut changed) = (self.finest, &*self.pending);
-        for transfer in &mut *self.transfers {
-            transfer.refresh(workers, arch, fine, changed);
-            (fine, changed) = transfer.coarse().unwrap_or((fine, changed));
-        }
-        let networks = self.transfers.iter().zip(self.levels);
-        let networks = networks.filter_map(|(transfer, level)| transfer.coarse().zip(Some(level)));
-        workers.for_each(networks, |((network, changed), level)| level.refresh(arch, network, changed));
-        self.pending.clear();
-    }
 }
 
 /// How a lattice is made coarser, step by step: which planes across each axis are kept of those of the step before. Each

@@ -7,6 +7,7 @@ mod coarse_row;
 mod coarsening;
 mod collection;
 mod descent;
+mod following;
 mod groups;
 mod held;
 mod hierarchy;
@@ -53,6 +54,7 @@ use parts::Parts;
 use potentials::Potentials;
 use refreshed::{Blocks, Refreshed};
 use relaxation::Room;
+use std::sync::atomic::{AtomicBool, Ordering};
 use sums::PIECE;
 
 #[cfg(test)]
@@ -283,6 +285,7 @@ impl LatticeSolver {
             ..
         } = self;
         let arch = *arch;
+        hierarchy.catch_up(workers, arch);
         let can_wait = increment.is_known;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {
@@ -310,11 +313,18 @@ impl LatticeSolver {
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };
-        if coarser.are_due() {
-            // Residuals take less, so a helper that is done with them helps with coarser levels.
-            workers.both(|| coarser.refresh(workers, arch), residuals);
-        } else {
-            residuals();
+        match coarser {
+            Some(coarser) => {
+                // Stages that are not done when residuals are wait for the way down, which helpers then begin with.
+                let are_known = AtomicBool::new(false);
+                let goes_on = || !are_known.load(Ordering::Relaxed);
+                let residuals = || {
+                    residuals();
+                    are_known.store(true, Ordering::Relaxed);
+                };
+                workers.both(|| coarser.refresh(workers, arch, goes_on), residuals);
+            }
+            None => residuals(),
         }
     }
 }

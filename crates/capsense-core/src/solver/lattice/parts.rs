@@ -48,27 +48,37 @@ impl Parts {
     /// Cuts planes that each know how many planes of another lattice are before them, so that slabs have as many of
     /// those. They do not border on each other.
     pub(super) fn apart(layout: &Layout, threads: usize, before: impl Fn(usize) -> usize) -> Self {
+        let count = threads.min(layout.planes().len() / MIN_PLANES_APART).max(1);
+        let mut parts = Self { slabs: Vec::with_capacity(count), borders: Vec::new() };
+        parts.cut_apart(layout, count, 0, before);
+        parts
+    }
+
+    /// Cuts the planes of [`Parts::apart`] anew: the first slab, whose thread has something else to do before, gets fewer planes
+    /// than others. By how many, counted as those before a plane are, it may not get what the others do: `later`.
+    pub(super) fn recut(&mut self, layout: &Layout, later: usize, before: impl Fn(usize) -> usize) {
+        self.cut_apart(layout, self.slabs.len(), later, before);
+    }
+
+    fn cut_apart(&mut self, layout: &Layout, count: usize, later: usize, before: impl Fn(usize) -> usize) {
         let planes = layout.planes();
-        let count = threads.min(planes.len() / MIN_PLANES_APART).max(1);
         let (first, all) = (before(planes.start), before(planes.end) - before(planes.start));
+        let of_first = if count == 1 { all } else { ((all + later) / count).saturating_sub(later) };
+        let start = |slab: usize| of_first + (all - of_first) * (slab - 1) / (count - 1);
         let border = |slab: usize| {
-            let reached = |plane: &usize| before(*plane) - first >= all * slab / count;
-            planes.clone().find(reached).filter(|_| slab < count).unwrap_or(planes.end)
+            if slab == 0 || slab == count {
+                return if slab == 0 { planes.start } else { planes.end };
+            }
+            let reached = |plane: &usize| before(*plane) - first >= start(slab);
+            planes.clone().find(reached).unwrap_or(planes.end)
         };
-        Self { borders: Vec::new(), ..Self::cut_at(layout, count, border) }
+        self.slabs.clear();
+        self.slabs.extend(slabs(layout, count, border));
     }
 
     /// So many slabs, each from its border to the next.
     fn cut_at(layout: &Layout, count: usize, border: impl Fn(usize) -> usize) -> Self {
         let all = 0..layout.counts[2];
-        let slabs = (0..count).map(|slab| {
-            let first = border(slab)..border(slab + 1);
-            let (is_first, is_last) = (slab == 0, slab + 1 == count);
-            let from = if is_first { all.start } else { first.start };
-            let to = if is_last { all.end } else { first.end };
-            let later = [isize::from(!is_first), -isize::from(!is_last)];
-            Part { planes: from..to, places: places(layout, from..to), first, later }
-        });
         let middle = |slab: usize| border(slab).midpoint(border(slab + 1));
         let borders = (1..count).map(|slab| {
             let from = if slab == 1 { all.start } else { middle(slab - 1) };
@@ -76,7 +86,7 @@ impl Parts {
             let first = border(slab)..border(slab);
             Part { planes: from..to, places: places(layout, from..to), first, later: [-1, 1] }
         });
-        Self { slabs: slabs.collect(), borders: borders.collect() }
+        Self { slabs: slabs(layout, count, &border).collect(), borders: borders.collect() }
     }
 
     /// As many threads as are worth it for a lattice.
@@ -88,6 +98,19 @@ impl Parts {
     pub(super) fn phases(&self) -> [&[Part]; 2] {
         [&self.slabs, &self.borders]
     }
+}
+
+/// So many slabs, each from its border to the next.
+fn slabs(layout: &Layout, count: usize, border: impl Fn(usize) -> usize) -> impl Iterator<Item = Part> {
+    let all = 0..layout.counts[2];
+    (0..count).map(move |slab| {
+        let first = border(slab)..border(slab + 1);
+        let (is_first, is_last) = (slab == 0, slab + 1 == count);
+        let from = if is_first { all.start } else { first.start };
+        let to = if is_last { all.end } else { first.end };
+        let later = [isize::from(!is_first), -isize::from(!is_last)];
+        Part { planes: from..to, places: places(layout, from..to), first, later }
+    })
 }
 
 /// Where planes are in vectors.

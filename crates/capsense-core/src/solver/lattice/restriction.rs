@@ -30,7 +30,7 @@ impl WithSimd for Restriction<'_> {
         let rows = self.layout.rows();
         let planes = self.part.steps(1);
         if planes.is_empty() {
-            return;
+            return self.between.descent.rest();
         }
         let first = self.stages.fine_plane(planes.start).saturating_sub(1);
         self.between.descent.start(simd, self.fine, first, self.active);

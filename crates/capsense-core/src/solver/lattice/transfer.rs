@@ -5,7 +5,8 @@
 
 use super::between::{HalfRows, ThickPlane};
 use super::descent::Descent;
-use super::layout::Layout;
+use super::following::Further;
+use super::layout::{Coloured, Layout};
 use super::level::{Level, Slab};
 use super::network::{Changed, Network};
 use super::pairs::{Pairs, Piece, pieces};
@@ -15,6 +16,10 @@ use super::restriction::Restriction;
 use super::stage::Stage;
 use crate::instructions::EightLanes;
 use crate::workers::Workers;
+
+/// A row of a coarse network takes as long to follow as the sweep of the finest level and its restriction take for so many nodes in a
+/// column.
+const NODES_OF_A_ROW: usize = 120;
 
 /// How a level is made coarser, with storage for each thread.
 #[derive(Clone, Debug)]
@@ -63,14 +68,12 @@ impl Transfer {
 
     /// Gives back the room that the first refresh took.
     pub(super) fn settle(&mut self) {
-        let Stages { z, y, x, .. } = &mut self.stages;
-        z.iter_mut().chain(y).chain(x).for_each(Stage::settle);
+        self.stages_mut().for_each(Stage::settle);
     }
 
     /// Zeros in the networks of all stages.
     pub(super) fn clear_networks(&mut self) {
-        let Stages { z, y, x, .. } = &mut self.stages;
-        z.iter_mut().chain(y).chain(x).for_each(Stage::clear);
+        self.stages_mut().for_each(Stage::clear);
     }
 
     /// Keeps those planes across x, y and z for which `kept` holds. Returns the counts of the coarse level too.
@@ -95,11 +98,7 @@ impl Transfer {
         };
         let layout = Layout::new(coarse, fine.layout.margin).with_columns(fine.layout.columns);
         let stages = Stages { z, y, x, pieces: pieces(&kept[0]) };
-        let fine_plane =
-            |plane| if plane < coarse[2] { stages.fine_plane(plane) } else { fine.layout.counts[2] };
-        // Coarse planes take time, too: without them the first slab would have less to do.
-        let before = |plane| 2 * fine_plane(plane) + plane;
-        let parts = Parts::apart(&layout, threads, before);
+        let parts = Parts::apart(&layout, threads, |plane| stages.before(&layout, &fine.layout, plane));
         let tasks = parts.slabs.len().max(fine.parts.slabs.len());
         let transfer = Self { stages, between: vec![between; tasks], coarse: parts, layout: fine.layout };
         (transfer, coarse)
@@ -107,19 +106,28 @@ impl Transfer {
 
     /// The coarse network and where it changed last; none if nothing is made coarser.
     pub(super) fn coarse(&self) -> Option<(&Network, &Changed)> {
-        let Stages { z, y, x, .. } = &self.stages;
-        let last = x.as_ref().or(y.as_ref()).or(z.as_ref())?;
-        Some(last.coarse())
+        self.stages.coarse()
     }
 
     /// Recomputes the coarse network where the fine one changed.
     pub(super) fn refresh(&mut self, workers: &Workers, arch: EightLanes, fine: &Network, changed: &Changed) {
         let (mut fine, mut changed) = (fine, changed);
-        let Stages { z, y, x, .. } = &mut self.stages;
-        for stage in z.iter_mut().chain(y).chain(x) {
+        for stage in self.stages_mut() {
             stage.refresh(workers, arch, fine, changed);
             (fine, changed) = stage.coarse();
         }
+    }
+
+    /// Its stages, in their order.
+    pub(super) fn stages(&self) -> impl Iterator<Item = &Stage> {
+        let Stages { z, y, x, .. } = &self.stages;
+        z.iter().chain(y).chain(x)
+    }
+
+    /// The same to be changed.
+    pub(super) fn stages_mut(&mut self) -> impl Iterator<Item = &mut Stage> {
+        let Stages { z, y, x, .. } = &mut self.stages;
+        z.iter_mut().chain(y).chain(x)
     }
 
     /// The coarse right-hand side: what a sweep from zero leaves over. Each eliminated node's residual goes to the nodes
@@ -133,18 +141,33 @@ impl Transfer {
         active: &[usize],
     ) {
         let Self { stages, between, coarse: parts, .. } = self;
-        let (layout, slabs) = (coarse.layout, &parts.slabs);
-        let vectors = cut_both(slabs, &mut coarse.b).zip(between);
-        let tasks = slabs.iter().zip(vectors).map(|(part, (b, between))| Restriction {
-            stages,
-            between,
-            fine,
-            layout,
-            part,
-            b,
-            active,
-        });
+        let tasks = restrictions((stages, between, parts), fine, (coarse.layout, &mut coarse.b), active);
         workers.for_each(tasks, |task| arch.dispatch(task));
+    }
+
+    /// The same while networks behind the coarse one follow it.
+    pub(super) fn restrict_beside(
+        &mut self,
+        (workers, arch): (&Workers, EightLanes),
+        fine: &Level,
+        (layout, b): (Layout, &mut Coloured<f32>),
+        active: &[usize],
+        further: Further<'_>,
+    ) {
+        let of_sweep = self.layout.counts.into_iter().product::<usize>() * active.len();
+        let all = self.stages.before(&layout, &self.layout, layout.counts[2]);
+        self.recut(&layout, all * NODES_OF_A_ROW * further.rows() / of_sweep.max(1));
+        let Self { stages, between, coarse: parts, .. } = self;
+        let follow = || further.follow(stages.coarse(), workers, arch, || true);
+        let tasks = restrictions((stages, between, parts), fine, (layout, b), active);
+        workers.beside(follow, tasks, |task| arch.dispatch(task));
+        self.recut(&layout, 0);
+    }
+
+    /// Cuts the coarse planes anew, for a first thread that comes later.
+    fn recut(&mut self, coarse: &Layout, later: usize) {
+        let Self { stages, coarse: parts, layout, .. } = self;
+        parts.recut(coarse, later, |plane| stages.before(coarse, layout, plane));
     }
 
     /// Adds bᵀMb, M the sweep of the last restriction, for all pairs s <= t of the active columns to `gains`, or a part of it.
@@ -200,7 +223,39 @@ impl Transfer {
     }
 }
 
+/// What each thread restricts.
+fn restrictions<'a>(
+    (stages, between, parts): (&'a Stages, &'a mut [Between], &'a Parts),
+    fine: &'a Level,
+    (layout, b): (Layout, &'a mut Coloured<f32>),
+    active: &'a [usize],
+) -> impl Iterator<Item = Restriction<'a>> {
+    let vectors = cut_both(&parts.slabs, b).zip(between);
+    parts.slabs.iter().zip(vectors).map(move |(part, (b, between))| Restriction {
+        stages,
+        between,
+        fine,
+        layout,
+        part,
+        b,
+        active,
+    })
+}
+
 impl Stages {
+    /// The network of the last one and where it changed last; none if there is no stage.
+    fn coarse(&self) -> Option<(&Network, &Changed)> {
+        let last = self.x.as_ref().or(self.y.as_ref()).or(self.z.as_ref())?;
+        Some(last.coarse())
+    }
+
+    /// How long a sweep of the fine level and its restriction take up to a coarse plane: as many fine and coarse planes as are
+    /// before it, fine ones counted twice.
+    fn before(&self, coarse: &Layout, fine: &Layout, plane: usize) -> usize {
+        let of_fine = if plane < coarse.counts[2] { self.fine_plane(plane) } else { fine.counts[2] };
+        2 * of_fine + plane
+    }
+
     /// The fine plane of a coarse one.
     #[inline(always)]
     pub(super) fn fine_plane(&self, coarse: usize) -> usize {
