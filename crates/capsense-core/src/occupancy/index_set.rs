@@ -105,13 +105,6 @@ impl IndexSet {
         }
     }
 
-    /// Visits all numbers in increasing order, those next to each other together, up to [`RUN`] of them, and leaves the set
-    /// empty.
-    #[inline]
-    pub(super) fn drain_runs(&mut self, mut visit: impl FnMut(Range<usize>)) {
-        Self::cut([self], 1).for_each(|part| part.drain_runs(&mut visit));
-    }
-
     /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
     /// is in this one, and leaves both empty.
     #[inline]
@@ -283,7 +276,7 @@ mod tests {
         let mut set = IndexSet::below(300);
         let drained = |set: &mut IndexSet| {
             let mut numbers = Vec::new();
-            set.drain_runs(|run| numbers.extend(run));
+            IndexSet::cut([set], 1).for_each(|part| part.drain_runs(|run| numbers.extend(run)));
             numbers
         };
         [299, 3, 64, 3].into_iter().for_each(|number| set.insert(number));
