@@ -12,7 +12,7 @@ use crate::instructions::vectorised;
 use crate::workers::Workers;
 
 /// So many edges keep a thread busy for ten times as long as it takes to hand them over.
-const EDGES_OF_A_TASK: usize = 128;
+const EDGES_OF_A_TASK: usize = 64;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
 const TASKS_OF_A_THREAD: usize = 4;
@@ -20,9 +20,17 @@ const TASKS_OF_A_THREAD: usize = 4;
 /// Some edges, what becomes of them, and room for each task.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EdgesAnew {
-    asked: Vec<Asked>,
-    found: Vec<Found>,
+    /// Edges yet to be looked at, and those that have been, to be told next.
+    asked: Batch,
+    known: Batch,
     rooms: Vec<Room>,
+}
+
+/// Some edges and what becomes of each.
+#[derive(Clone, Debug, Default)]
+struct Batch {
+    edges: Vec<Asked>,
+    found: Vec<Found>,
 }
 
 /// An edge, and whether surfaces may cut it another way than before; otherwise only what is around it is another.
@@ -77,7 +85,7 @@ impl EdgesAnew {
     pub(super) fn start(&mut self, workers: &Workers, before: &mut Replaced) {
         let tasks = workers.tasks(TASKS_OF_A_THREAD);
         self.rooms.resize_with(tasks, Room::default);
-        self.asked.clear();
+        self.asked.edges.clear();
         if let Some(first) = self.replaced().next() {
             std::mem::swap(first, before);
         }
@@ -138,14 +146,14 @@ impl EdgesAnew {
             if let [room] = &mut self.rooms[..] {
                 return tell(&mut known, (asked, room.look(sight, asked)));
             }
-            self.asked.push(asked);
-            if self.asked.len() >= EDGES_OF_A_TASK * self.rooms.len() {
-                self.find(workers, sight);
-                self.told().for_each(|told| tell(&mut known, told));
+            self.asked.edges.push(asked);
+            if self.asked.edges.len() >= EDGES_OF_A_TASK * self.rooms.len() {
+                self.look_and_tell(workers, sight, |told| tell(&mut known, told));
             }
         });
-        self.find(workers, sight);
-        self.told().for_each(|told| tell(&mut known, told));
+        for _ in 0..2 {
+            self.look_and_tell(workers, sight, |told| tell(&mut known, told));
+        }
     }
 
     /// What was replaced of edges that were taken over, to be emptied, in their order.
@@ -153,18 +161,16 @@ impl EdgesAnew {
         self.rooms.iter_mut().map(|room| &mut room.replaced)
     }
 
-    /// Finds out what becomes of all edges that are kept.
-    fn find(&mut self, workers: &Workers, sight: Sight<'_>) {
-        self.found.resize(self.asked.len(), Found::NOTHING);
-        let edges = self.asked.chunks(EDGES_OF_A_TASK).zip(self.found.chunks_mut(EDGES_OF_A_TASK));
-        workers.for_each(edges.zip(&mut self.rooms), |((asked, found), room)| {
+    /// Tells what becomes of the edges looked at last, each once, while helpers look at those asked for, which are told next time.
+    fn look_and_tell(&mut self, workers: &Workers, sight: Sight<'_>, tell: impl FnMut((Asked, Found))) {
+        let Self { asked: Batch { edges, found }, known, rooms } = self;
+        found.resize(edges.len(), Found::NOTHING);
+        let tasks = edges.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK)).zip(rooms);
+        let tell_known = || known.edges.drain(..).zip(known.found.iter().copied()).for_each(tell);
+        workers.beside(tell_known, tasks, |((asked, found), room)| {
             asked.iter().zip(found).for_each(|(asked, found)| *found = room.look(sight, *asked));
         });
-    }
-
-    /// The edges that were kept with what becomes of them, each told once.
-    fn told(&mut self) -> impl Iterator<Item = (Asked, Found)> {
-        self.asked.drain(..).zip(self.found.iter().copied())
+        std::mem::swap(&mut self.asked, &mut self.known);
     }
 
     /// Conductors that touch electrodes on these edges, each told once.

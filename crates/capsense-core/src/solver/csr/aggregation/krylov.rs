@@ -5,15 +5,15 @@
 
 use super::super::columns::add;
 use super::level::{Level, Vectors};
+use super::rows_of_task;
 use crate::instructions::vectorised_by_eight;
 use crate::workers::Workers;
-
-/// Number of rows that one task takes: a coarse level has few.
-const TASK_ROWS: usize = 1024;
 
 /// What must outlive the second cycle: the first correction and K times it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Krylov<const L: usize> {
+    /// Number of rows that one task takes.
+    of_task: usize,
     first: Vec<[f32; L]>,
     k_first: Vec<[f32; L]>,
     /// Sums over the rows of each task.
@@ -23,7 +23,9 @@ pub(super) struct Krylov<const L: usize> {
 impl<const L: usize> Krylov<L> {
     pub(super) fn new(rows: usize) -> Self {
         let zeros = || vec![[0.0; L]; rows];
-        Self { first: zeros(), k_first: zeros(), partial: vec![[[0.0; L]; 3]; rows.div_ceil(TASK_ROWS)] }
+        let of_task = rows_of_task(rows);
+        let partial = vec![[[0.0; L]; 3]; rows.div_ceil(of_task)];
+        Self { of_task, first: zeros(), k_first: zeros(), partial }
     }
 
     /// x = approximately K⁻¹ b by two runs of a cycle that does the same less well. Leaves the residual of the first in b.
@@ -43,7 +45,8 @@ impl<const L: usize> Krylov<L> {
             length[lane] = quotient(along[lane], curvature[lane]);
         }
         let part = length.map(|length| -length as f32);
-        let tasks = b.chunks_mut(TASK_ROWS).zip(self.k_first.chunks(TASK_ROWS));
+        let of_task = self.of_task;
+        let tasks = b.chunks_mut(of_task).zip(self.k_first.chunks(of_task));
         workers.for_each(tasks, |(b, k_first)| combine(b, &[1.0; L], k_first, &part));
         cycle(levels);
         let Vectors { x, b, .. } = &mut levels[0];
@@ -55,14 +58,14 @@ impl<const L: usize> Krylov<L> {
             of_first[lane] = (length[lane] - quotient(mixed[lane] * second, curvature[lane])) as f32;
             of_second[lane] = second as f32;
         }
-        let tasks = x.chunks_mut(TASK_ROWS).zip(self.first.chunks(TASK_ROWS));
+        let tasks = x.chunks_mut(of_task).zip(self.first.chunks(of_task));
         workers.for_each(tasks, |(x, first)| combine(x, &of_second, first, &of_first));
     }
 
     /// K times the first correction; its products with b and with itself.
     fn products_of_first(&mut self, level: &Level, b: &[[f32; L]], workers: &Workers) -> [[f64; L]; 2] {
-        let Self { first: x, k_first, partial } = self;
-        let tasks = k_first.chunks_mut(TASK_ROWS).zip(partial.iter_mut()).zip((0..).step_by(TASK_ROWS));
+        let Self { of_task, first: x, k_first, partial } = self;
+        let tasks = k_first.chunks_mut(*of_task).zip(partial.iter_mut()).zip((0..).step_by(*of_task));
         workers.for_each(tasks, |((k_first, sums), from)| {
             vectorised_by_eight(
                 #[inline(always)]
@@ -88,14 +91,14 @@ impl<const L: usize> Krylov<L> {
         b: &[[f32; L]],
         workers: &Workers,
     ) -> [[f64; L]; 3] {
-        let tasks = self.partial.iter_mut().zip((0..).step_by(TASK_ROWS));
-        let k_first = &self.k_first;
+        let (of_task, k_first) = (self.of_task, &self.k_first);
+        let tasks = self.partial.iter_mut().zip((0..).step_by(of_task));
         workers.for_each(tasks, |(sums, from)| {
             vectorised_by_eight(
                 #[inline(always)]
                 || {
                     *sums = [[0.0; L]; 3];
-                    for row in from..(from + TASK_ROWS).min(x.len()) {
+                    for row in from..(from + of_task).min(x.len()) {
                         add_products(&mut sums[0], &x[row], &k_first[row]);
                         add_products(&mut sums[1], &x[row], &level.product(row, x));
                         add_products(&mut sums[2], &x[row], &b[row]);

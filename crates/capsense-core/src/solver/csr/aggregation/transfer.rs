@@ -83,6 +83,20 @@ impl Lists {
     }
 }
 
+/// What a coarse solution x gains as it is taken over, with b what it is the solution for.
+#[inline(always)]
+pub(super) fn gains<const L: usize>(x: &[[f32; L]], b: &[[f32; L]]) -> [[f64; L]; L] {
+    let mut gains = [[0.0; L]; L];
+    for (x, b) in x.iter().zip(b) {
+        for (gains, x) in gains.iter_mut().zip(x) {
+            for lane in 0..L {
+                gains[lane] += f64::from(STRETCH * x * b[lane]);
+            }
+        }
+    }
+    gains
+}
+
 impl Transfer {
     /// Makes the pattern of the coarse level.
     pub(super) fn new(fine: &Level, aggregates: &Aggregates) -> (Self, Level) {
@@ -234,22 +248,6 @@ impl Transfer {
             coarse = rest;
             (ends[0] as usize, part)
         })
-    }
-
-    /// Adds what a coarse solution x gains as it is taken over, with b what it is the solution for.
-    pub(super) fn add_gains<const L: usize>(
-        &self,
-        x: &[[f32; L]],
-        b: &[[f32; L]],
-        gains: &mut [[f64; L]; L],
-    ) {
-        for (x, b) in x.iter().zip(b) {
-            for (gains, x) in gains.iter_mut().zip(x) {
-                for lane in 0..L {
-                    gains[lane] += f64::from(STRETCH * x * b[lane]);
-                }
-            }
-        }
     }
 
     /// Every member takes its aggregate's correction, stretched. The rows of x start at `first`.
