@@ -12,9 +12,8 @@ pub(super) struct Walls {
     /// One bit for each edge, and how many edges are before those of each word that has any.
     words: Vec<u64>,
     before: Vec<u32>,
-    /// Working storage: edges that have no place yet, and all that are to have one.
+    /// Working storage: edges that have no place yet.
     others: Vec<(u32, Option<BesideWall>)>,
-    next: Vec<(u32, Option<BesideWall>)>,
 }
 
 impl Walls {
@@ -46,30 +45,40 @@ impl Walls {
             }
         }
         if !self.others.is_empty() {
-            self.merge();
+            self.forget_empty();
+            self.give_places();
         }
     }
 
-    /// Gives the others their places, and takes those of edges that no wall is beside.
-    fn merge(&mut self) {
-        let Self { of_edges, words, before, others, next } = self;
-        let mut others = others.drain(..).peekable();
-        next.clear();
-        for known in of_edges.drain(..) {
-            words[known.0 as usize / BITS] = 0;
-            while let Some(other) = others.next_if(|(edge, _)| *edge < known.0) {
-                next.push(other);
-            }
-            next.extend(known.1.is_some().then_some(known));
+    /// Takes the places of edges that no wall is beside, once these are more than half.
+    fn forget_empty(&mut self) {
+        let Self { of_edges, words, .. } = self;
+        if 2 * of_edges.iter().filter(|(_, wall)| wall.is_none()).count() > of_edges.len() {
+            of_edges.iter().for_each(|(edge, _)| words[*edge as usize / BITS] = 0);
+            of_edges.retain(|(_, wall)| wall.is_some());
+            of_edges.iter().for_each(|(edge, _)| words[*edge as usize / BITS] |= 1 << (edge % BITS as u32));
         }
-        next.extend(others);
-        std::mem::swap(of_edges, next);
+    }
+
+    /// Gives the others places between those that are there, from the last on.
+    fn give_places(&mut self) {
+        let Self { of_edges, words, before, others } = self;
+        let mut end = of_edges.len();
+        let Some(&last) = others.last() else { return };
+        of_edges.resize(end + others.len(), last);
+        while let Some(other) = others.pop() {
+            let place = of_edges[..end].partition_point(|(edge, _)| *edge < other.0);
+            of_edges.copy_within(place..end, place + others.len() + 1);
+            of_edges[place + others.len()] = other;
+            words[other.0 as usize / BITS] |= 1 << (other.0 % BITS as u32);
+            end = place;
+        }
+        let mut last = None;
         for (place, (edge, _)) in of_edges.iter().enumerate() {
-            let (word, bit) = (*edge as usize / BITS, edge % BITS as u32);
-            if words[word] == 0 {
+            let word = *edge as usize / BITS;
+            if last.replace(word) != Some(word) {
                 before[word] = place as u32;
             }
-            words[word] |= 1 << bit;
         }
     }
 
@@ -79,5 +88,53 @@ impl Walls {
             self.words[edge as usize / BITS] = 0;
             wall.iter().for_each(|wall| visit(edge as usize, wall));
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dual_face::Past;
+    use super::*;
+    use std::collections::BTreeMap;
+
+    fn wall(through: f64) -> BesideWall {
+        let past = Past { through, tap: 0.0, abruptness: 1.0 };
+        BesideWall { object: 0, end: 0, is_under: false, past }
+    }
+
+    /// Walls that come, change and go anywhere are found as in a map.
+    #[test]
+    fn every_edge_is_found_with_what_it_was_told_last() {
+        const EDGES: usize = 700;
+        let (mut walls, mut map, mut state) = (Walls::below(EDGES), BTreeMap::new(), 1_u64);
+        let mut noise = move |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        for round in 0..400 {
+            // Many come at first, many go later.
+            let goes = |noise: &mut dyn FnMut(usize) -> usize| noise(10) < [2, 5, 9][round / 100 % 3];
+            let told: BTreeMap<u32, Option<BesideWall>> = (0..noise(60))
+                .map(|_| {
+                    let now = wall(noise(1000) as f64);
+                    (noise(EDGES) as u32, (!goes(&mut noise)).then_some(now))
+                })
+                .collect();
+            for (&edge, &now) in &told {
+                match now {
+                    Some(now) => drop(map.insert(edge, now)),
+                    None => drop(map.remove(&edge)),
+                }
+            }
+            walls.take(told.into_iter());
+            for edge in 0..EDGES {
+                assert_eq!(walls.get(edge), map.get(&(edge as u32)), "{round} {edge}");
+            }
+        }
+        assert!(map.len() > 20);
+        let mut drained = Vec::new();
+        walls.drain(|edge, wall| drained.push((edge as u32, *wall)));
+        assert_eq!(drained, map.into_iter().collect::<Vec<_>>());
+        assert!((0..EDGES).all(|edge| walls.get(edge).is_none()));
     }
 }

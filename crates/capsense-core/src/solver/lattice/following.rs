@@ -10,6 +10,22 @@ use super::transfer::Transfer;
 use crate::instructions::EightLanes;
 use crate::workers::Workers;
 
+/// The finest level, and where its network changed that it has not taken over.
+pub(super) struct Finest<'a> {
+    pub(super) level: &'a mut Level,
+    pub(super) changed: Option<(&'a Network, &'a Changed)>,
+}
+
+impl<'a> Finest<'a> {
+    /// Takes over what changed.
+    pub(super) fn refresh(self, arch: EightLanes) -> &'a mut Level {
+        if let Some((network, changed)) = self.changed {
+            self.level.refresh(arch, network, changed);
+        }
+        self.level
+    }
+}
+
 /// All levels but the finest, and where that changed.
 pub(super) struct Coarser<'a> {
     pub(super) finest: &'a Network,

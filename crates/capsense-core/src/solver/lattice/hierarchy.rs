@@ -6,7 +6,7 @@
 //! that a level cannot smooth along a short spacing are smooth on the level where that spacing is gone.
 
 use super::descent::OVERCORRECTION;
-use super::following::{Coarser, Further};
+use super::following::{Coarser, Finest, Further};
 use super::layout::Layout;
 use super::level::Level;
 use super::network::{Changed, Network};
@@ -116,7 +116,7 @@ impl Hierarchy {
 
     /// Takes over the matrix and the fixed rows where they changed on the finest level. `changed` must hold all nodes whose
     /// row or state changed. Coarser levels are to follow unless they can wait; they cannot where a weight is far from what it was,
-    /// or a potential was fixed or released.
+    /// or a potential was fixed or released. If they are, there is [`Finest::refresh`] to do besides.
     pub(super) fn refresh_finest(
         &mut self,
         arch: EightLanes,
@@ -150,17 +150,20 @@ impl Hierarchy {
                 region.add(i..i + 1, j, k);
             }
         }
-        levels[0].refresh(arch, finest, region);
+        if !*is_due {
+            levels[0].refresh(arch, finest, region);
+        }
         pending.join(region);
         *waited = if *is_due { 0 } else { *waited + 1 };
     }
 
-    /// The finest level, and what makes the coarser ones follow it if they are to do that now.
-    pub(super) fn split(&mut self) -> (&mut Level, Option<Coarser<'_>>) {
-        let Self { levels, transfers, finest, pending, is_due, followed, .. } = self;
+    /// The finest level with what it is to take over yet, and what makes the coarser ones follow it if they are to do that now.
+    pub(super) fn split(&mut self) -> (Finest<'_>, Option<Coarser<'_>>) {
+        let Self { levels, transfers, finest: network, changed, pending, is_due, followed, .. } = self;
         let (first, levels) = levels.split_at_mut(1);
-        let coarser = is_due.then_some(Coarser { levels, transfers, finest, pending, followed });
-        (&mut first[0], coarser)
+        let coarser = is_due.then_some(Coarser { levels, transfers, finest: network, pending, followed });
+        let changed = is_due.then_some((&*network, &*changed));
+        (Finest { level: &mut first[0], changed }, coarser)
     }
 
     /// Lets those levels follow that are behind, before the finest one is another again.

@@ -304,7 +304,8 @@ impl LatticeSolver {
         workers.both(finest, besides);
         let (finest, coarser) = hierarchy.split();
         let links = &*links;
-        let mut residuals = || {
+        let residuals = || {
+            let finest = finest.refresh(arch);
             increment.forget_energies();
             let mut rows =
                 Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
