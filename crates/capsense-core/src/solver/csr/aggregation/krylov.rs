@@ -16,6 +16,8 @@ pub(super) struct Krylov<const L: usize> {
     of_task: usize,
     first: Vec<[f32; L]>,
     k_first: Vec<[f32; L]>,
+    /// The residual of the first correction.
+    rest: Vec<[f32; L]>,
     /// Sums over the rows of each task.
     partial: Vec<[[f64; L]; 3]>,
 }
@@ -25,10 +27,10 @@ impl<const L: usize> Krylov<L> {
         let zeros = || vec![[0.0; L]; rows];
         let of_task = rows_of_task(rows);
         let partial = vec![[[0.0; L]; 3]; rows.div_ceil(of_task)];
-        Self { of_task, first: zeros(), k_first: zeros(), partial }
+        Self { of_task, first: zeros(), k_first: zeros(), rest: zeros(), partial }
     }
 
-    /// x = approximately K⁻¹ b by two runs of a cycle that does the same less well. Leaves the residual of the first in b.
+    /// x = approximately K⁻¹ b by two runs of a cycle that does the same less well.
     pub(super) fn solve(
         &mut self,
         level: &Level,
@@ -44,13 +46,14 @@ impl<const L: usize> Krylov<L> {
         for lane in 0..L {
             length[lane] = quotient(along[lane], curvature[lane]);
         }
-        let part = length.map(|length| -length as f32);
         let of_task = self.of_task;
-        let tasks = b.chunks_mut(of_task).zip(self.k_first.chunks(of_task));
-        workers.for_each(tasks, |(b, k_first)| combine(b, &[1.0; L], k_first, &part));
+        let tasks = self.rest.chunks_mut(of_task).zip(b.chunks(of_task)).zip(self.k_first.chunks(of_task));
+        workers.for_each(tasks, |((rest, b), k_first)| subtract(rest, b, &length, k_first));
+        std::mem::swap(b, &mut self.rest);
         cycle(levels);
         let Vectors { x, b, .. } = &mut levels[0];
-        let [mixed, own, along] = self.products_of_second(level, x, b, workers);
+        std::mem::swap(b, &mut self.rest);
+        let [mixed, own, along] = self.products_of_second(level, x, workers);
         let (mut of_first, mut of_second) = ([0.0; L], [0.0; L]);
         for lane in 0..L {
             let independent = own[lane] - quotient(mixed[lane] * mixed[lane], curvature[lane]);
@@ -64,7 +67,7 @@ impl<const L: usize> Krylov<L> {
 
     /// K times the first correction; its products with b and with itself.
     fn products_of_first(&mut self, level: &Level, b: &[[f32; L]], workers: &Workers) -> [[f64; L]; 2] {
-        let Self { of_task, first: x, k_first, partial } = self;
+        let Self { of_task, first: x, k_first, partial, .. } = self;
         let tasks = k_first.chunks_mut(*of_task).zip(partial.iter_mut()).zip((0..).step_by(*of_task));
         workers.for_each(tasks, |((k_first, sums), from)| {
             vectorised_by_eight(
@@ -83,16 +86,11 @@ impl<const L: usize> Krylov<L> {
         [along, curvature]
     }
 
-    /// The products of the second correction with K times the first, K times itself, and b.
-    fn products_of_second(
-        &mut self,
-        level: &Level,
-        x: &[[f32; L]],
-        b: &[[f32; L]],
-        workers: &Workers,
-    ) -> [[f64; L]; 3] {
-        let (of_task, k_first) = (self.of_task, &self.k_first);
-        let tasks = self.partial.iter_mut().zip((0..).step_by(of_task));
+    /// The products of the second correction with K times the first, K times itself, and the residual of the first.
+    fn products_of_second(&mut self, level: &Level, x: &[[f32; L]], workers: &Workers) -> [[f64; L]; 3] {
+        let Self { of_task, k_first, rest, partial, .. } = self;
+        let (of_task, k_first, rest) = (*of_task, &*k_first, &*rest);
+        let tasks = partial.iter_mut().zip((0..).step_by(of_task));
         workers.for_each(tasks, |(sums, from)| {
             vectorised_by_eight(
                 #[inline(always)]
@@ -101,13 +99,28 @@ impl<const L: usize> Krylov<L> {
                     for row in from..(from + of_task).min(x.len()) {
                         add_products(&mut sums[0], &x[row], &k_first[row]);
                         add_products(&mut sums[1], &x[row], &level.product(row, x));
-                        add_products(&mut sums[2], &x[row], &b[row]);
+                        add_products(&mut sums[2], &x[row], &rest[row]);
                     }
                 },
             );
         });
         total(&self.partial)
     }
+}
+
+/// to = a - α b.
+fn subtract<const L: usize>(to: &mut [[f32; L]], a: &[[f32; L]], alpha: &[f64; L], b: &[[f32; L]]) {
+    let alpha = alpha.map(|alpha| alpha as f32);
+    vectorised_by_eight(
+        #[inline(always)]
+        || {
+            for ((to, a), b) in to.iter_mut().zip(a).zip(b) {
+                for lane in 0..L {
+                    to[lane] = a[lane] - alpha[lane] * b[lane];
+                }
+            }
+        },
+    );
 }
 
 /// a = α a + β b.

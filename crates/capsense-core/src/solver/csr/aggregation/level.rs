@@ -7,9 +7,10 @@ use super::super::change::Ahead;
 use super::super::columns::add as add_double;
 use super::super::pattern::Pattern;
 use super::krylov::Krylov;
+use super::rows_of_task;
 use super::transfer::Transfer;
 use crate::instructions::vectorised_by_eight;
-use crate::workers::{TASK_ROWS, Workers};
+use crate::workers::Workers;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -315,7 +316,8 @@ impl Level {
     ) {
         let Vectors { x, far, .. } = vectors;
         let (x, border) = (x.as_slice(), self.pattern.border());
-        let tasks = far.chunks_mut(TASK_ROWS).zip(border.chunks(TASK_ROWS));
+        let of_task = rows_of_task(border.len());
+        let tasks = far.chunks_mut(of_task).zip(border.chunks(of_task));
         workers.for_each(tasks, |(far, border)| {
             vectorised_by_eight(
                 #[inline(always)]

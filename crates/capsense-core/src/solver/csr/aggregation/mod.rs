@@ -48,8 +48,6 @@ pub(super) struct Hierarchy {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Work<const L: usize> {
     levels: Vec<Vectors<L>>,
-    /// The second level's right-hand side, which its solution does not leave as it is.
-    restricted: Vec<[f32; L]>,
     /// zᵀKz and zᵀKp of every task, and what the second level gains in each.
     curvatures: Vec<[[f64; L]; 2]>,
     gains: Vec<[[f64; L]; L]>,
@@ -125,7 +123,7 @@ impl Hierarchy {
         work: &mut Work<L>,
         workers: &Workers,
     ) -> [Gains<L>; 2] {
-        let Work { levels, restricted, gains: of_tasks, .. } = work;
+        let Work { levels, gains: of_tasks, .. } = work;
         for (index, level) in self.levels.iter().enumerate().skip(levels.len()) {
             levels.push(Vectors::new(level, index == 0, (1..=TWICE).contains(&index)));
         }
@@ -138,10 +136,9 @@ impl Hierarchy {
             gains.add(block);
         }
         let of_finest = gains;
-        if let Some(coarse) = coarser.first() {
-            restricted.clone_from(&coarse.b);
+        if !coarser.is_empty() {
             self.solve(1, coarser, workers);
-            add_gains(&coarser[0].x, restricted, of_tasks, workers, &mut gains.products);
+            add_gains(&coarser[0].x, &coarser[0].b, of_tasks, workers, &mut gains.products);
         }
         [of_finest, gains]
     }
@@ -202,7 +199,7 @@ impl Hierarchy {
         level.sweep_backward(fine, correction, workers, &Own);
     }
 
-    /// x = approximately K⁻¹ b on a coarse level; b may change.
+    /// x = approximately K⁻¹ b on a coarse level.
     fn solve<const L: usize>(&self, index: usize, levels: &mut [Vectors<L>], workers: &Workers) {
         if index + 1 == self.levels.len() && self.coarsest.solve(&mut levels[0]) {
             return;
