@@ -414,6 +414,32 @@ mod tests {
         workers.both(|| meet(&workers), || ());
     }
 
+    #[test]
+    fn helpers_begin_with_tasks_while_the_caller_does_something_else() {
+        let (workers, alone, caller) = (Workers::new(2, ROWS), Workers::default(), current().id());
+        let _awake = workers.wake_all();
+        let mut were_begun = 0;
+        while were_begun < 5 {
+            for workers in [&workers, &alone] {
+                let (mut done, by_helper) = ([0; 20], AtomicUsize::new(0));
+                let mut firsts = 0;
+                let first = || {
+                    firsts += 1;
+                    let has_begun = |_| {
+                        std::hint::spin_loop();
+                        by_helper.load(Ordering::Acquire) > 0
+                    };
+                    were_begun += usize::from((0..10_000).any(has_begun));
+                };
+                workers.beside(first, done.iter_mut(), |done| {
+                    *done += 1;
+                    by_helper.fetch_add(usize::from(current().id() != caller), Ordering::AcqRel);
+                });
+                assert_eq!((firsts, done), (1, [1; 20]));
+            }
+        }
+    }
+
     /// Helpers stay as long as anyone wants them, and are idle again even after a panic.
     #[test]
     fn helpers_are_there_until_the_last_caller_goes() {

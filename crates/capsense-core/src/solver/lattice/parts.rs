@@ -166,3 +166,34 @@ pub(super) fn cut_both<'a, T>(
 ) -> impl Iterator<Item = [&'a mut [T]; 2]> {
     cut(parts, red).zip(cut(parts, black)).map(|(red, black)| [red, black])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the first slab is to leave to others, all planes are in one, in their order; the later its thread comes the fewer are
+    /// in the first one.
+    #[test]
+    fn the_first_slab_leaves_planes_to_others() {
+        let layout = Layout::new([9, 9, 41], [1, 1]).with_columns(3);
+        for threads in [1, 2, 3, 5] {
+            let mut parts = Parts::apart(&layout, threads, |plane| 3 * plane);
+            let even = parts.slabs[0].steps(1).len();
+            assert_eq!((parts.slabs.len(), even), (threads, layout.planes().len().div_ceil(threads)));
+            let mut fewest = even;
+            for later in [0, 10, 40, 100, 1000] {
+                parts.recut(&layout, later, |plane| 3 * plane);
+                let mut planes = layout.planes().start;
+                for slab in &parts.slabs {
+                    assert_eq!(slab.steps(1).start, planes);
+                    planes = slab.steps(1).end;
+                }
+                assert_eq!((parts.slabs.len(), planes), (threads, layout.planes().end), "{later}");
+                let of_first = parts.slabs[0].steps(1).len();
+                assert!(of_first <= fewest, "{threads} {later}");
+                fewest = of_first;
+            }
+            assert!(threads == 1 || fewest == 0);
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! The solver on a small graded lattice with a thin plate that moves through it.
 
 mod ahead;
+mod following;
 
 use super::LatticeSolver;
 use super::layout::{BLACK, RED};
