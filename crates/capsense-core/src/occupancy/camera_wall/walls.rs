@@ -102,24 +102,26 @@ mod tests {
         BesideWall { object: 0, end: 0, is_under: false, past }
     }
 
-    /// Walls that come, change and go anywhere are found as in a map.
+    /// Walls that come, change and go where a body is that moves along are found as in a map.
     #[test]
     fn every_edge_is_found_with_what_it_was_told_last() {
-        const EDGES: usize = 700;
+        const EDGES: usize = 4000;
         let (mut walls, mut map, mut state) = (Walls::below(EDGES), BTreeMap::new(), 1_u64);
         let mut noise = move |below: usize| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize % below
         };
+        let (mut fewest, mut largest) = (EDGES, 0);
         for round in 0..400 {
-            // Many come at first, many go later.
-            let goes = |noise: &mut dyn FnMut(usize) -> usize| noise(10) < [2, 5, 9][round / 100 % 3];
-            let told: BTreeMap<u32, Option<BesideWall>> = (0..noise(60))
-                .map(|_| {
-                    let now = wall(noise(1000) as f64);
-                    (noise(EDGES) as u32, (!goes(&mut noise)).then_some(now))
-                })
-                .collect();
+            let near = 9 * round..9 * round + 400;
+            let mut told = BTreeMap::new();
+            for _ in 0..noise(60) {
+                told.insert((near.start + noise(near.len())) as u32, Some(wall(noise(1000) as f64)));
+            }
+            // Those behind the body go.
+            told.extend(
+                map.keys().copied().filter(|edge| (*edge as usize) < near.start).map(|edge| (edge, None)),
+            );
             for (&edge, &now) in &told {
                 match now {
                     Some(now) => drop(map.insert(edge, now)),
@@ -130,7 +132,11 @@ mod tests {
             for edge in 0..EDGES {
                 assert_eq!(walls.get(edge), map.get(&(edge as u32)), "{round} {edge}");
             }
+            let places = walls.of_edges.len();
+            (fewest, largest) =
+                (if places < largest { fewest.min(places) } else { fewest }, largest.max(places));
         }
+        assert!(fewest < largest / 2, "no place was taken: {fewest} {largest}");
         assert!(map.len() > 20);
         let mut drained = Vec::new();
         walls.drain(|edge, wall| drained.push((edge as u32, *wall)));
