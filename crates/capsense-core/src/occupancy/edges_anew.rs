@@ -11,7 +11,7 @@ use super::{Contact, Filled, NO_OBJECT, Span};
 use crate::instructions::vectorised;
 use crate::workers::Workers;
 
-/// So many edges keep a thread busy for ten times as long as it takes to hand them over.
+/// So many edges keep a thread busy for some times as long as it takes to hand them over.
 const EDGES_OF_A_TASK: usize = 64;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
@@ -31,6 +31,13 @@ pub(super) struct EdgesAnew {
 struct Batch {
     edges: Vec<Asked>,
     found: Vec<Found>,
+}
+
+impl Batch {
+    /// All, each told once.
+    fn told(&mut self) -> impl Iterator<Item = (Asked, Found)> {
+        self.edges.drain(..).zip(self.found.iter().copied())
+    }
 }
 
 /// An edge, and whether surfaces may cut it another way than before; otherwise only what is around it is another.
@@ -85,7 +92,6 @@ impl EdgesAnew {
     pub(super) fn start(&mut self, workers: &Workers, before: &mut Replaced) {
         let tasks = workers.tasks(TASKS_OF_A_THREAD);
         self.rooms.resize_with(tasks, Room::default);
-        self.asked.edges.clear();
         if let Some(first) = self.replaced().next() {
             std::mem::swap(first, before);
         }
@@ -151,9 +157,8 @@ impl EdgesAnew {
                 self.look_and_tell(workers, sight, |told| tell(&mut known, told));
             }
         });
-        for _ in 0..2 {
-            self.look_and_tell(workers, sight, |told| tell(&mut known, told));
-        }
+        self.look_and_tell(workers, sight, |told| tell(&mut known, told));
+        self.known.told().for_each(|told| tell(&mut known, told));
     }
 
     /// What was replaced of edges that were taken over, to be emptied, in their order.
@@ -166,10 +171,13 @@ impl EdgesAnew {
         let Self { asked: Batch { edges, found }, known, rooms } = self;
         found.resize(edges.len(), Found::NOTHING);
         let tasks = edges.chunks(EDGES_OF_A_TASK).zip(found.chunks_mut(EDGES_OF_A_TASK)).zip(rooms);
-        let tell_known = || known.edges.drain(..).zip(known.found.iter().copied()).for_each(tell);
-        workers.beside(tell_known, tasks, |((asked, found), room)| {
-            asked.iter().zip(found).for_each(|(asked, found)| *found = room.look(sight, *asked));
-        });
+        workers.beside(
+            || known.told().for_each(tell),
+            tasks,
+            |((asked, found), room)| {
+                asked.iter().zip(found).for_each(|(asked, found)| *found = room.look(sight, *asked));
+            },
+        );
         std::mem::swap(&mut self.asked, &mut self.known);
     }
 

@@ -50,7 +50,7 @@ impl Walls {
         }
     }
 
-    /// Takes the places of edges that no wall is beside, once these are more than half.
+    /// Takes back the places of edges that no wall is beside, once these are more than half.
     fn forget_empty(&mut self) {
         let Self { of_edges, words, .. } = self;
         if 2 * of_edges.iter().filter(|(_, wall)| wall.is_none()).count() > of_edges.len() {

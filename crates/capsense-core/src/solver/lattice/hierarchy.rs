@@ -58,8 +58,8 @@ pub(super) struct Hierarchy {
     pending: Changed,
     waited: usize,
     is_due: bool,
-    /// Once the second level has followed and until all others have, which is done beside the way down if not before: how many
-    /// stages have.
+    /// Once the second level's network has followed and until all others have, which is done beside the way down if not before: how
+    /// many stages have.
     followed: Option<usize>,
 }
 
@@ -98,6 +98,7 @@ impl Hierarchy {
 
     /// Gives back the room that the first refresh took, in which every row changed and all levels have followed.
     pub(super) fn settle(&mut self) {
+        debug_assert!(self.followed.is_none(), "levels that are behind would not see what changed");
         self.changed.release();
         self.pending.release();
         self.transfers.iter_mut().for_each(Transfer::settle);
@@ -167,7 +168,7 @@ impl Hierarchy {
     }
 
     /// Lets those levels follow that are behind, before the finest one is another again.
-    pub(super) fn catch_up(&mut self, workers: &Workers, arch: EightLanes) {
+    pub(super) fn follow_all(&mut self, workers: &Workers, arch: EightLanes) {
         let Self { levels, transfers, followed, .. } = self;
         if let ([first, transfers @ ..], [_, levels @ ..]) = (&mut transfers[..], &mut levels[..]) {
             Further { transfers, levels, followed }.follow(first.coarse(), workers, arch, || true);

@@ -285,7 +285,7 @@ impl LatticeSolver {
             ..
         } = self;
         let arch = *arch;
-        hierarchy.catch_up(workers, arch);
+        hierarchy.follow_all(workers, arch);
         let can_wait = increment.is_known;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {

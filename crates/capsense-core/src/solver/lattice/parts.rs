@@ -115,9 +115,13 @@ fn slabs(layout: &Layout, count: usize, border: impl Fn(usize) -> usize) -> impl
 
 /// Where planes are in vectors.
 pub(super) fn places(layout: &Layout, planes: Range<usize>) -> Range<usize> {
-    let start = if planes.start == 0 { 0 } else { layout.cut(planes.start) };
-    let end = if planes.end == layout.counts[2] { layout.len() } else { layout.cut(planes.end) };
-    start..end
+    // Before the first plane and behind the last one is padding, which is theirs.
+    let border = |plane: usize| match plane {
+        0 => 0,
+        plane if plane == layout.counts[2] => layout.len(),
+        plane => layout.cut(plane),
+    };
+    border(planes.start)..border(planes.end)
 }
 
 impl Part {
@@ -171,24 +175,25 @@ pub(super) fn cut_both<'a, T>(
 mod tests {
     use super::*;
 
-    /// Whatever the first slab is to leave to others, all planes are in one, in their order; the later its thread comes the fewer are
-    /// in the first one.
+    /// Whatever the first slab is to leave to others, all planes and places are in one, in their order, also where the first plane is
+    /// free; the later its thread comes the fewer are in the first one.
     #[test]
     fn the_first_slab_leaves_planes_to_others() {
-        let layout = Layout::new([9, 9, 41], [1, 1]).with_columns(3);
-        for threads in [1, 2, 3, 5] {
+        for (margin, threads) in [0, 1].into_iter().flat_map(|margin| [1, 2, 3, 5].map(|of| (margin, of))) {
+            let layout = Layout::new([9, 9, 41], [margin; 2]).with_columns(3);
             let mut parts = Parts::apart(&layout, threads, |plane| 3 * plane);
             let even = parts.slabs[0].steps(1).len();
-            assert_eq!((parts.slabs.len(), even), (threads, layout.planes().len().div_ceil(threads)));
+            assert!(even.abs_diff(layout.planes().len() / threads) <= 1, "{threads} {even}");
             let mut fewest = even;
             for later in [0, 10, 40, 100, 1000] {
                 parts.recut(&layout, later, |plane| 3 * plane);
-                let mut planes = layout.planes().start;
+                let (mut plane, mut place) = (layout.planes().start, 0);
                 for slab in &parts.slabs {
-                    assert_eq!(slab.steps(1).start, planes);
-                    planes = slab.steps(1).end;
+                    assert_eq!([slab.steps(1).start, slab.places.start], [plane, place], "{margin} {later}");
+                    (plane, place) = (slab.steps(1).end, slab.places.end);
                 }
-                assert_eq!((parts.slabs.len(), planes), (threads, layout.planes().end), "{later}");
+                let all = [threads, layout.planes().end, layout.len()];
+                assert_eq!([parts.slabs.len(), plane, place], all, "{margin} {later}");
                 let of_first = parts.slabs[0].steps(1).len();
                 assert!(of_first <= fewest, "{threads} {later}");
                 fewest = of_first;

@@ -18,7 +18,7 @@ use crate::instructions::EightLanes;
 use crate::workers::Workers;
 
 /// A row of a coarse network takes as long to follow as the sweep of the finest level and its restriction take for so many nodes in a
-/// column.
+/// column. Measured: with 90 two threads take up to 2 % longer at 296k.
 const NODES_OF_A_ROW: usize = 120;
 
 /// How a level is made coarser, with storage for each thread.
@@ -145,7 +145,7 @@ impl Transfer {
         workers.for_each(tasks, |task| arch.dispatch(task));
     }
 
-    /// The same while networks behind the coarse one follow it.
+    /// The same while networks behind the coarse one follow it. Planes are shared out as if there were helpers.
     pub(super) fn restrict_beside(
         &mut self,
         (workers, arch): (&Workers, EightLanes),

@@ -9,14 +9,14 @@ use super::rows_of_task;
 use crate::instructions::vectorised_by_eight;
 use crate::workers::Workers;
 
-/// What must outlive the second cycle: the first correction and K times it.
-#[derive(Clone, Debug, Default)]
+/// What must outlive the second cycle: the first correction, K times it, and what it was found for.
+#[derive(Clone, Debug)]
 pub(super) struct Krylov<const L: usize> {
     /// Number of rows that one task takes.
     of_task: usize,
     first: Vec<[f32; L]>,
     k_first: Vec<[f32; L]>,
-    /// The residual of the first correction.
+    /// The residual of the first correction; during the second cycle the right-hand side, which it takes the place of.
     rest: Vec<[f32; L]>,
     /// Sums over the rows of each task.
     partial: Vec<[[f64; L]; 3]>,
