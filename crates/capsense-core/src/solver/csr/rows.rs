@@ -187,14 +187,20 @@ impl Rows {
         (&self.pattern.columns()[entries.clone()], &self.weights[entries])
     }
 
-    /// Adds what the charges of a row and of its neighbours change by when its potential changes.
+    /// Adds what the charges of a row and of its neighbours change by when its potential changes. Those given count from `first`.
     #[inline(always)]
-    pub(super) fn add_charges<const L: usize>(&self, row: usize, by: &[f64; L], charges: &mut [[f64; L]]) {
+    pub(super) fn add_charges<const L: usize>(
+        &self,
+        row: usize,
+        by: &[f64; L],
+        charges: &mut [[f64; L]],
+        first: usize,
+    ) {
         let (columns, weights) = self.row(row);
         for (&column, &weight) in columns.iter().zip(weights) {
-            add_product(&mut charges[column as usize], -weight, by);
+            add_product(&mut charges[column as usize - first], -weight, by);
         }
-        add_product(&mut charges[row], self.diagonal[row], by);
+        add_product(&mut charges[row - first], self.diagonal[row], by);
     }
 
     /// The weight at one entry.

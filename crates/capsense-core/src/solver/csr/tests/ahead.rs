@@ -71,8 +71,8 @@ fn going_ahead_takes_fields_to_less_energy() {
     }
 }
 
-/// Threads share rows whose values are taken over or whose charges are computed anew, and rows are relaxed while coarse networks
-/// follow.
+/// Threads share rows whose values are taken over or whose charges are computed anew, and those that are relaxed, which happens
+/// while coarse networks follow.
 #[test]
 fn threads_share_what_follows_from_rows_that_changed_to_the_same_bits() {
     let mut scene = Scene::new(150_000);
