@@ -9,7 +9,7 @@ use super::rows_of_task;
 use crate::instructions::vectorised_by_eight;
 use crate::workers::Workers;
 
-/// What must outlive the second cycle: the first correction, K times it, and what it was found for.
+/// What must outlive the second cycle: the first correction, K times it, and the right-hand side.
 #[derive(Clone, Debug)]
 pub(super) struct Krylov<const L: usize> {
     /// Number of rows that one task takes.

@@ -29,8 +29,9 @@ const FEW_ROWS: usize = 40;
 /// So many levels below the finest are visited twice. With two, frames take as many steps and half a cycle 1.06 times as long.
 const TWICE: usize = 1;
 
-/// Into so many tasks the rows of a coarse level are cut at least, as many for each of two threads, unless they have fewer rows
-/// each than the first number; and how many one has at most. With 1024 rows each, five of 5,100 rows, two threads took a tenth longer.
+/// Into so many tasks the rows of a coarse level, or those at the border of any, are cut at least, as many for each of two threads,
+/// unless they have fewer rows each than the first number; and how many one has at most. With 1024 each, 5,100 rows would be five
+/// tasks, three of them one thread's.
 const COARSE_TASKS: usize = 8;
 const ROWS_OF_COARSE_TASK: [usize; 2] = [256, 1024];
 
@@ -226,7 +227,7 @@ impl<const L: usize> Work<L> {
     }
 }
 
-/// Number of rows that one task takes of so many of a coarse level.
+/// Number of rows that one task takes of so many of a coarse level or of a border.
 fn rows_of_task(rows: usize) -> usize {
     let [least, most] = ROWS_OF_COARSE_TASK;
     rows.div_ceil(COARSE_TASKS).clamp(least, most)
