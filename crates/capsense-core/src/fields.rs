@@ -66,6 +66,11 @@ impl Fields {
             changed: Vec::new(),
             on_edge: [Vec::new(), Vec::new()],
         };
+        let permittivities = materials.iter().filter_map(|material| match material {
+            Material::Dielectric(permittivity) => Some(permittivity.value()),
+            Material::Conductor(_) => None,
+        });
+        fields.solver.expect_permittivity(permittivities.fold(1.0, f64::max));
         fields.reset();
         fields
     }

@@ -6,6 +6,9 @@
 //! it teach what to expect of those that stop after a step or two. A bound from the condition number would be safe
 //! without experience, but ten to fifty times too large: errors of a warm start are not the worst for the preconditioner.
 
+#[cfg(test)]
+mod tests;
+
 /// How many steps are remembered, and how many slow convergence is judged by.
 const REMEMBERED: usize = 32;
 const WINDOW: usize = 12;
@@ -98,6 +101,9 @@ pub(super) struct EnergyError {
     count: usize,
     /// Whether the first step of some column was too large for a motion.
     is_large: bool,
+    /// How many steps there were when one after the first was long, in any column: what is left of columns that took no more
+    /// is along the direction that this one went.
+    long_at: usize,
 }
 
 /// What one column did in one iteration.
@@ -157,7 +163,7 @@ impl EnergyError {
     pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
         let steps = vec![Step::default(); REMEMBERED * columns];
         let (taken, courses) = (vec![0; columns], vec![Course::default(); columns]);
-        Self { rule, steps, taken, courses, count: 0, is_large: false }
+        Self { rule, steps, taken, courses, count: 0, is_large: false, long_at: 0 }
     }
 
     /// Begins a solve.
@@ -167,6 +173,7 @@ impl EnergyError {
         self.courses.fill(Course::default());
         self.count = 0;
         self.is_large = false;
+        self.long_at = 0;
     }
 
     /// Takes one column's part in the iteration under way.
@@ -175,6 +182,12 @@ impl EnergyError {
         self.taken[column] = self.count + 1;
         self.courses[column].note(step.drop);
         self.is_large |= self.count == 0 && is_large(step.drop, step.energy);
+        if let ErrorRule::Experience(experience) = &self.rule
+            && self.count > 0
+            && experience.is_long(self.count, &step)
+        {
+            self.long_at = self.count + 1;
+        }
     }
 
     /// A column has no residual left: there is no error, whatever its steps.
@@ -247,7 +260,8 @@ impl EnergyError {
                     return None;
                 }
                 let expected = experience.share(taken.saturating_sub(1)).map(|share| CAUTION * share);
-                let long = experience.is_long(taken.saturating_sub(1), &last).then_some(LEFT_AFTER_LONG);
+                let is_long = taken <= self.long_at || experience.is_long(taken.saturating_sub(1), &last);
+                let long = is_long.then_some(LEFT_AFTER_LONG);
                 last.drop * larger(long, Some(larger(expected, trend(steps, taken))?))?
             }
         };
@@ -349,189 +363,4 @@ fn trend(steps: &[Step], taken: usize) -> Option<f64> {
     let [before, last] = [drop(taken.checked_sub(2)?), drop(taken - 1)];
     let ratio = if last < SLOWEST * before { last / before } else { SLOWEST };
     Some(ratio / (1.0 - ratio))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Plain conjugate gradients on a diagonal matrix from the error (1, 1, ...) but for its first entries, recorded.
-    fn solve(error: &mut EnergyError, eigenvalues: &[f64], first: &[f64], iterations: usize) -> f64 {
-        let mut e = vec![1.0; eigenvalues.len()];
-        e[..first.len()].copy_from_slice(first);
-        let mut r: Vec<f64> = e.iter().zip(eigenvalues).map(|(e, k)| e * k).collect();
-        let mut p = r.clone();
-        let mut rr: f64 = r.iter().map(|r| r * r).sum();
-        error.start();
-        let mut left: f64 = e.iter().zip(eigenvalues).map(|(e, k)| e * e * k).sum();
-        for _ in 0..iterations {
-            let q: Vec<f64> = p.iter().zip(eigenvalues).map(|(p, k)| p * k).collect();
-            let alpha = rr / p.iter().zip(&q).map(|(p, q)| p * q).sum::<f64>();
-            left -= alpha * rr;
-            error.record(0, Step { drop: alpha * rr, excess: 0.0, energy: 1e6, length: 1.0 });
-            error.advance();
-            r.iter_mut().zip(&q).for_each(|(r, q)| *r -= alpha * q);
-            let next: f64 = r.iter().map(|r| r * r).sum();
-            p.iter_mut().zip(&r).for_each(|(p, r)| *p = r + next / rr * *p);
-            rr = next;
-        }
-        left
-    }
-
-    fn fresh() -> EnergyError {
-        EnergyError::new(ErrorRule::Experience(Experience::default()), 1)
-    }
-
-    fn eigenvalues() -> Vec<f64> {
-        (0..30).map(|k| 1.0 + 0.05 * f64::from(k)).collect()
-    }
-
-    /// What one long solve shows holds for short ones from other errors.
-    #[test]
-    fn the_estimate_bounds_the_error() {
-        let (mut error, eigenvalues) = (fresh(), eigenvalues());
-        let _ = solve(&mut error, &eigenvalues, &[], 8);
-        error.finish();
-        for steps in 1..8 {
-            let left = solve(&mut error, &eigenvalues, &[2.0, -3.0, 0.5], steps);
-            let estimate = error.relative(0).unwrap() * 1e6;
-            assert!(estimate >= left && estimate < 10.0 * left, "{steps}: {estimate:e} {left:e}");
-        }
-    }
-
-    /// A direction of low energy in the preconditioned matrix, unlike all that was seen before, shows in the third step:
-    /// drops no longer fall.
-    #[test]
-    fn slow_convergence_shows_however_good_the_experience() {
-        let (mut error, mut eigenvalues) = (fresh(), eigenvalues());
-        let _ = solve(&mut error, &eigenvalues, &[], 8);
-        error.finish();
-        eigenvalues[0] = 0.1;
-        let left = solve(&mut error, &eigenvalues, &[10.0], 4);
-        let estimate = error.relative(0).unwrap() * 1e6;
-        assert!(estimate > 0.3 * left, "{estimate:e} {left:e}");
-    }
-
-    #[test]
-    fn nothing_is_known_after_one_step_without_experience() {
-        let mut error = fresh();
-        let _ = solve(&mut error, &eigenvalues(), &[], 1);
-        assert_eq!(error.relative(0), None);
-        assert!(!error.is_below(0, 1.0));
-    }
-
-    fn step(drop: f64, length: f64) -> Step {
-        Step { drop, excess: 0.0, energy: 1.0, length }
-    }
-
-    fn solve_with(error: &mut EnergyError, steps: &[Step]) {
-        error.start();
-        for &step in steps {
-            error.record(0, step);
-            error.advance();
-        }
-    }
-
-    /// What the solves of an object that appears show is too little for the motions that follow.
-    #[test]
-    fn the_first_motion_after_a_large_change_is_learned_from() {
-        let mut error = fresh();
-        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
-        for _ in 0..=FIRST_TO_LEARN {
-            solve_with(&mut error, &motion);
-            error.finish();
-        }
-        assert!(!error.is_learning());
-        solve_with(&mut error, &[step(1.0, 1.0), step(1e-2, 1.0), step(1e-4, 1.0)]);
-        error.finish();
-        solve_with(&mut error, &motion[..1]);
-        assert!(error.is_estimated_below(0, 1e-4) && !error.is_below(0, 1e-4));
-    }
-
-    /// After a small change, one step is enough to judge; after a larger one two, after a large one three.
-    #[test]
-    fn the_larger_a_change_the_more_steps_must_show() {
-        let mut error = fresh();
-        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
-        solve_with(&mut error, &motion);
-        error.finish();
-        for (first, needed) in [(1e-3, 1), (1e-2, 2), (0.1, 3)] {
-            let steps = [step(first, 1.0), step(1e-3 * first, 1.0), step(1e-6 * first, 1.0)];
-            for taken in 1..=3 {
-                solve_with(&mut error, &steps[..taken]);
-                assert_eq!(error.relative(0).is_some(), taken >= needed, "{first} {taken}");
-            }
-        }
-    }
-
-    /// A step along a direction that the preconditioner knows badly is longer than others.
-    #[test]
-    fn after_a_long_step_much_may_be_left() {
-        let mut error = fresh();
-        let motion = [step(1e-4, 1.0), step(1e-6, 1.0), step(1e-8, 1.0), step(1e-10, 1.0)];
-        solve_with(&mut error, &motion);
-        error.finish();
-        solve_with(&mut error, &[step(1e-4, 1.0)]);
-        assert!(error.relative(0).unwrap() < 1e-5);
-        solve_with(&mut error, &[step(1e-4, 2.0)]);
-        assert!(error.relative(0).unwrap() > 5e-4);
-    }
-
-    #[test]
-    fn what_was_seen_fades() {
-        let (mut error, eigenvalues) = (fresh(), eigenvalues());
-        let bad: Vec<f64> = eigenvalues.iter().map(|k| k * k * k).collect();
-        let _ = solve(&mut error, &bad, &[], 8);
-        error.finish();
-        let share = |error: &EnergyError| match error.rule {
-            ErrorRule::Experience(experience) => experience.share(0).unwrap(),
-            ErrorRule::Window => f64::NAN,
-        };
-        let after_bad = share(&error);
-        for _ in 0..200 {
-            let _ = solve(&mut error, &eigenvalues, &[], 8);
-            error.finish();
-        }
-        assert!(share(&error) < 0.5 * after_bad);
-    }
-
-    /// A step that is a little longer than those learned from means nothing at first, and that much is left once a solve is long.
-    #[test]
-    fn long_steps_count_for_more_in_long_solves() {
-        let step = |length| Step { drop: 1e-7, excess: 0.0, energy: 1.0, length };
-        let mut error = fresh();
-        for (count, length) in [(USUAL_STEPS, 1.3), (USUAL_STEPS + 1, 1.3), (USUAL_STEPS + 1, 1.1)] {
-            let ErrorRule::Experience(experience) = &mut error.rule else { panic!("experience") };
-            experience.lengths = [1.0; KINDS_OF_STEPS];
-            error.start();
-            for index in 0..count {
-                let falling = Step { drop: 10_f64.powi(-(index as i32)), ..step(1.0) };
-                error.record(0, if index + 1 == count { Step { length, ..falling } } else { falling });
-                error.advance();
-            }
-            let last = 10_f64.powi(1 - count as i32);
-            let is_long = error.relative(0).unwrap() >= LEFT_AFTER_LONG * last;
-            assert_eq!(is_long, count > USUAL_STEPS && length > LONG_THEN, "{count} {length}");
-        }
-    }
-
-    /// What a slow solve has dropped lately is told from the sums that are kept, whatever their number.
-    #[test]
-    fn the_last_sixth_of_a_slow_solve_is_summed() {
-        let drops: Vec<f64> = (0..3000).map(|step| 1.0 + f64::from(step * 7 % 11)).collect();
-        let mut course = Course::default();
-        for (done, drop) in drops.iter().enumerate() {
-            course.note(*drop);
-            let steps = done + 1;
-            let last = |count: usize| drops[steps - count..steps].iter().sum::<f64>();
-            match steps > SLOW {
-                false => assert_eq!(course.lately(), 0.0),
-                true => {
-                    let told = course.lately();
-                    let [least, most] = [steps / LATELY, steps / LATELY + course.every];
-                    assert!((last(least)..=last(most)).contains(&told), "{steps}: {told}");
-                }
-            }
-        }
-    }
 }
