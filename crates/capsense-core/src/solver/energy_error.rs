@@ -41,8 +41,10 @@ const KNOWN: f64 = 0.5;
 /// how fast the drops fall.
 const SMALL_MOTION: f64 = 6e-3;
 
-/// After a larger change even two drops tell too little of how fast they will fall.
+/// After a larger change even two drops tell too little of how fast they will fall. So many times what is told of other solves
+/// may be left.
 pub(super) const LARGE_CHANGE: f64 = 3e-2;
+const CAUTION_AFTER_LARGE_CHANGE: f64 = 4.0;
 
 /// A step so many times longer than those learned from goes along a direction that the preconditioner knows badly. So
 /// much, in relation to its drop, may then be left. With 1.2 a bar that comes closer needs a second step twice as often.
@@ -101,6 +103,8 @@ pub(super) struct EnergyError {
     count: usize,
     /// Whether the first step of some column was too large for a motion.
     is_large: bool,
+    /// Whether it was so large that drops tell little.
+    is_very_large: bool,
     /// How many steps there were when one after the first was long, in any column: what is left of columns that took no more
     /// is along the direction that this one went.
     long_at: usize,
@@ -163,7 +167,7 @@ impl EnergyError {
     pub(super) fn new(rule: ErrorRule, columns: usize) -> Self {
         let steps = vec![Step::default(); REMEMBERED * columns];
         let (taken, courses) = (vec![0; columns], vec![Course::default(); columns]);
-        Self { rule, steps, taken, courses, count: 0, is_large: false, long_at: 0 }
+        Self { rule, steps, taken, courses, count: 0, is_large: false, is_very_large: false, long_at: 0 }
     }
 
     /// Begins a solve.
@@ -173,6 +177,7 @@ impl EnergyError {
         self.courses.fill(Course::default());
         self.count = 0;
         self.is_large = false;
+        self.is_very_large = false;
         self.long_at = 0;
     }
 
@@ -182,6 +187,7 @@ impl EnergyError {
         self.taken[column] = self.count + 1;
         self.courses[column].note(step.drop);
         self.is_large |= self.count == 0 && is_large(step.drop, step.energy);
+        self.is_very_large |= self.count == 0 && step.drop > LARGE_CHANGE * step.energy;
         if let ErrorRule::Experience(experience) = &self.rule
             && self.count > 0
             && experience.is_long(self.count, &step)
@@ -262,7 +268,8 @@ impl EnergyError {
                 let expected = experience.share(taken.saturating_sub(1)).map(|share| CAUTION * share);
                 let is_long = taken <= self.long_at || experience.is_long(taken.saturating_sub(1), &last);
                 let long = is_long.then_some(LEFT_AFTER_LONG);
-                last.drop * larger(long, Some(larger(expected, trend(steps, taken))?))?
+                let caution = if self.is_very_large { CAUTION_AFTER_LARGE_CHANGE } else { 1.0 };
+                last.drop * larger(long, Some(caution * larger(expected, trend(steps, taken))?))?
             }
         };
         Some((to_come.max(self.courses[column].lately()) + last.excess) / last.energy)

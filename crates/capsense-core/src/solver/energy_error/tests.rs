@@ -111,6 +111,26 @@ fn the_larger_a_change_the_more_steps_must_show() {
     }
 }
 
+/// What is told after a change that is none of a motion is a good part more than after others, for all columns.
+#[test]
+fn after_a_large_change_more_is_told_to_be_left() {
+    let told_after = |error: &mut EnergyError, first: f64| {
+        error.start();
+        for (of_first, of_second) in [(first, 1e-4), (1e-5, 1e-6), (1e-7, 1e-8), (1e-9, 1e-10)] {
+            error.record(0, step(of_first, 1.0));
+            error.record(1, step(of_second, 1.0));
+            error.advance();
+        }
+        [0, 1].map(|column| error.relative(column).unwrap())
+    };
+    let mut error = EnergyError::new(ErrorRule::Experience(Experience::default()), 2);
+    let _ = told_after(&mut error, 2e-2);
+    error.finish();
+    let mut told = [4e-2, 2e-2].map(|first| told_after(&mut error, first));
+    told[1].iter_mut().for_each(|told| *told *= CAUTION_AFTER_LARGE_CHANGE);
+    assert_eq!(told[0], told[1]);
+}
+
 /// A step along a direction that the preconditioner knows badly is longer than others.
 #[test]
 fn after_a_long_step_much_may_be_left() {
