@@ -316,12 +316,39 @@ impl Fields {
     }
 
     /// C_st = ε0 φ_sᵀ K φ_t over all rows, quadratically accurate in the fields' errors. The last row and column are
-    /// left for ground.
+    /// left for ground: zero.
     pub(crate) fn maxwell(&self, all: &mut CapacitanceMatrix) {
         let columns = self.terminals.len();
         let energies = self.solver.energies();
         for (s, t) in (0..columns).flat_map(|s| (s..columns).map(move |t| (s, t))) {
             all.set(s, t, VACUUM_PERMITTIVITY * energies[s * columns + t]);
+        }
+        (0..all.size()).for_each(|terminal| all.set(terminal, columns, 0.0));
+    }
+
+    /// Adds what couples two objects across gaps without a node in them, of which no field knows. The last row and column are
+    /// those of ground.
+    pub(crate) fn add_gaps(
+        &self,
+        matrix: &StiffnessMatrix,
+        occupancy: &Occupancy,
+        electrodes: usize,
+        all: &mut CapacitanceMatrix,
+    ) {
+        let ground = all.size() - 1;
+        let column = |object: u16| {
+            let terminal = electrodes as Terminal + 1 + object;
+            self.terminals.iter().position(|other| *other == terminal).unwrap_or(ground)
+        };
+        for gap in occupancy.gaps() {
+            let [a, b] = gap.objects.map(column);
+            let base = matrix.network().weights()[gap.edge as usize];
+            if a != b && base > 0.0 {
+                let farads = VACUUM_PERMITTIVITY * base * gap.factor;
+                all.set(a, a, all.get(a, a) + farads);
+                all.set(b, b, all.get(b, b) + farads);
+                all.set(a, b, all.get(a, b) - farads);
+            }
         }
     }
 

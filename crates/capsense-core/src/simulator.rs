@@ -70,7 +70,7 @@ pub struct Simulator {
     matrix: StiffnessMatrix,
     occupancy: Occupancy,
     fields: Fields,
-    /// Over the columns of the fields and ground, no object released yet; and the same with all released.
+    /// Over the columns of the fields and ground, of which gaps alone tell, no object released yet; and the same with all released.
     held: CapacitanceMatrix,
     released: CapacitanceMatrix,
     base: CapacitanceMatrix,
@@ -247,6 +247,7 @@ impl Simulator {
         let _awake = self.fields.wake();
         let report = self.fields.solve(&self.matrix, &self.options).inspect_err(|_| self.fields.reset())?;
         self.fields.maxwell(&mut self.held);
+        self.add_gaps();
         self.released.copy_leading(&self.held);
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
             self.released.release(object, to_ground);
@@ -256,6 +257,14 @@ impl Simulator {
             self.assert_maxwell();
         }
         Ok(report)
+    }
+
+    /// Where a device finds the objects, gaps between them are not known here.
+    fn add_gaps(&mut self) {
+        if self.fields.found().is_none() {
+            let electrodes = self.sensor.electrode_names().len();
+            self.fields.add_gaps(&self.matrix, &self.occupancy, electrodes, &mut self.held);
+        }
     }
 
     /// What every Maxwell matrix satisfies, up to what the iteration may leave of the matrix before objects were
@@ -302,7 +311,7 @@ impl Simulator {
         let mut all = self.held.clone();
         let ground = all.size() - 1;
         for (column, charge) in self.fields.charges_on_ground(&self.matrix)?.into_iter().enumerate() {
-            all.set(column, ground, charge);
+            all.set(column, ground, all.get(column, ground) + charge);
         }
         for (object, to_ground) in released_objects(&self.materials, self.capacitance.size()) {
             all.release(object, to_ground);

@@ -123,7 +123,8 @@ impl EdgeRule<'_> {
         }
     }
 
-    fn only_through(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> Coupling {
+    /// What is left of it from one place on it to another.
+    pub(super) fn only_through(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> Coupling {
         Coupling::only_through(1.0 / self.series(a, b, breaks))
     }
 

@@ -15,6 +15,7 @@ mod edges_near;
 mod elements;
 mod filled;
 mod fraction;
+mod gaps;
 mod index_set;
 mod interface;
 mod near_field;
@@ -48,6 +49,8 @@ use edges_anew::{EdgesAnew, Sight};
 use edges_near::{Beside, EdgesNear};
 use elements::Elements;
 use filled::Filled;
+pub(crate) use gaps::Gap;
+use gaps::Gaps;
 use glam::DVec3;
 use index_set::IndexSet;
 use near_field::Wedges;
@@ -97,6 +100,7 @@ pub struct Occupancy {
     changed_nodes: Vec<u32>,
     touches: SortedList<Touch>,
     contacts: Vec<Contact>,
+    gaps: Gaps,
     changes: Changes,
     scratch: Scratch,
     /// What fills elements, if the interface model is one of these.
@@ -167,6 +171,7 @@ impl Occupancy {
             changed_nodes: Vec::new(),
             touches: SortedList::new(),
             contacts: Vec::new(),
+            gaps: Gaps::default(),
             changes: Changes::default(),
             scratch: Scratch {
                 edges_anew: EdgesAnew::default(),
@@ -304,7 +309,6 @@ impl Occupancy {
             self.wedges = wedges;
         }
         self.update_unstructured(workers, &scene, changes.around_edges());
-        (self.changes, self.cells) = (changes, cells);
         self.replaced.couplings.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.couplings.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();
@@ -313,6 +317,8 @@ impl Occupancy {
             let couplings = &self.couplings;
             self.linked_edges.merge(|&edge| couplings[edge as usize].is_linked());
         }
+        self.gaps.find(&scene, &self.conductor, &self.couplings, self.linked_edges.items());
+        (self.changes, self.cells) = (changes, cells);
         self.update_contacts();
     }
 
@@ -444,6 +450,11 @@ impl Occupancy {
     /// The edges of which links are left, in increasing order.
     pub fn linked_edges(&self) -> &[u32] {
         self.linked_edges.items()
+    }
+
+    /// Gaps between two conducting objects without a node in them, in the order of their edges.
+    pub(crate) fn gaps(&self) -> &[Gap] {
+        self.gaps.found()
     }
 
     /// Conducting objects that touch electrodes, in increasing order.
