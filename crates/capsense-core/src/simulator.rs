@@ -401,12 +401,14 @@ impl Simulator {
     }
 
     /// Objects that the mesh is too coarse for, in increasing order: strong dielectrics thinner than cells, bodies that fill
-    /// no element where elements are filled, and all that lie between edges. What they do is missing in the capacitances, and
+    /// no element where elements are filled, all that lie between edges, and, where a device finds objects, conductors across whose
+    /// gap edges lead. What they do is missing in the capacitances, and
     /// [`Simulator::error_bars`] may not show it, as the halved mesh hardly sees more. To be asked for now and then: it looks at
     /// all edges near objects, and allocates a list of them.
     pub fn unresolved(&self, surfaces: &impl Surfaces) -> Vec<usize> {
-        let weights = self.matrix.network().weights();
-        unresolved(self.edge_geometry(), weights, self.interface, &self.materials, surfaces)
+        let (weights, gaps_are_lost) = (self.matrix.network().weights(), self.fields.found().is_some());
+        let how = (self.interface, gaps_are_lost);
+        unresolved(self.edge_geometry(), weights, how, &self.materials, surfaces)
     }
 
     fn edge_geometry(&self) -> EdgeGeometry<'_> {

@@ -4,7 +4,8 @@
 //! What a cut edge knows of a dielectric is how much of the edge lies in it. A sheet that edges pass through as a whole has no
 //! edge along it, so what it does to fields along it, (ε - 1) times its thickness, is not there; one that happens to hold a
 //! plane of nodes counts as a cell thick. Interface models that fill elements lose thin bodies altogether. Conductors that cut
-//! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost.
+//! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost where gaps are not
+//! looked for ([`super::gaps`]).
 
 use super::parallel::WEAK;
 use super::{EdgeGeometry, Interface, Span, Surfaces};
@@ -39,11 +40,12 @@ impl Seen {
     }
 }
 
-/// The objects that the mesh is too coarse for, in increasing order.
+/// The objects that the mesh is too coarse for, in increasing order. `gaps_are_lost` where nobody looks for those between
+/// conductors.
 pub(crate) fn unresolved(
     mesh: EdgeGeometry<'_>,
     weights: &[f64],
-    interface: Interface,
+    (interface, gaps_are_lost): (Interface, bool),
     materials: &[Material],
     surfaces: &impl Surfaces,
 ) -> Vec<usize> {
@@ -63,7 +65,9 @@ pub(crate) fn unresolved(
             {
                 false
             }
-            (Interface::EdgeCut, Material::Conductor(_)) => is_inside && !seen.is_met || seen.is_close,
+            (Interface::EdgeCut, Material::Conductor(_)) => {
+                is_inside && !seen.is_met || gaps_are_lost && seen.is_close
+            }
             _ => is_inside && !seen.is_met || seen.is_thin(),
         }
     };
@@ -137,4 +141,47 @@ fn most_between(mesh: EdgeGeometry<'_>, ends: [u32; 2]) -> f64 {
         });
     }
     longest / squared(ends).sqrt()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Pose, Shape};
+    use crate::material::Connection;
+    use crate::mesh::{Background, Lattice};
+    use crate::sensor::FREE;
+    use crate::solids::Solids;
+    use crate::stiffness::EdgeNetwork;
+
+    /// Where both conductors are at 0 V, or a node is in the gap, there is nothing to lose; where gaps are looked for, nothing is lost.
+    #[test]
+    fn conductors_too_close_to_each_other_are_told_if_one_floats_and_nobody_looks_for_gaps() {
+        let axis: Vec<f64> = (0..=10).map(|k| 0.02 * f64::from(k)).collect();
+        let lattice = Lattice::new([axis.clone(), axis.clone(), axis]).unwrap();
+        let mesh = lattice.to_tet_mesh().unwrap();
+        let network = EdgeNetwork::assemble_lattice(&lattice, mesh.relative_permittivity());
+        let size = DVec3::new(0.1, 0.1, 2e-3);
+        let mut solids = Solids::new(&[Shape::Box { size }, Shape::Box { size }]).unwrap();
+        let geometry = EdgeGeometry {
+            nodes: mesh.nodes(),
+            terminals: &vec![FREE; mesh.nodes().len()],
+            edges: network.edges(),
+            permittivity: &Background::vacuum(network.edges().len()),
+        };
+        let [floating, grounded] = [Connection::Floating, Connection::Grounded].map(Material::Conductor);
+        for (gap, are_told, gaps_are_lost, upper) in [
+            (2e-3, true, true, floating),
+            (2e-3, false, true, grounded),
+            (2e-3, false, false, floating),
+            (0.05, false, true, floating),
+        ] {
+            let lower = DVec3::new(0.1, 0.1, 0.107);
+            let poses = [lower, lower + (size.z + gap) * DVec3::Z].map(Pose::at);
+            solids.place(&poses).unwrap();
+            let how = (Interface::EdgeCut, gaps_are_lost);
+            let told = unresolved(geometry, network.weights(), how, &[grounded, upper], &solids);
+            assert_eq!(!told.is_empty(), are_told, "{gap} {gaps_are_lost} {upper:?}: {told:?}");
+        }
+    }
 }
