@@ -133,6 +133,26 @@ fn gaps_are_filled_by_dielectrics_and_lead_charge_to_ground() {
     }
 }
 
+/// A rod through a floating bar is a part of it, wherever along the edges it ends: across the gap it is the bar that couples.
+#[test]
+fn what_is_within_a_conductor_takes_nothing_from_its_gap() {
+    let materials = [FLOATING, FLOATING, GROUNDED];
+    let changed = |rod: f64| {
+        let mut simulator = Simulator::new(sensor(30_000), materials.to_vec(), to(1e-6)).unwrap();
+        let inner = DVec3::new(0.14, 0.14, 4e-3);
+        let mut solids = Solids::new(&[BAR, inner, BAR].map(|size| Shape::Box { size })).unwrap();
+        let poses = [0.11, rod, 0.133].map(|z| Pose::at(DVec3::new(0.0, 0.0, z)));
+        solids.place(&poses).unwrap();
+        let _ = simulator.step(&solids).unwrap();
+        simulator.capacitance().get(0, 0) - simulator.base().get(0, 0)
+    };
+    let [low, middle, high] = [0.103, 0.1095, 0.111].map(changed);
+    assert!(
+        (low / middle - 1.0).abs() < 0.02 && (high / middle - 1.0).abs() < 0.02,
+        "{low:e} {middle:e} {high:e}"
+    );
+}
+
 /// Seen by a camera it is the same, and a body that much ties to ground is a grounded one.
 #[test]
 fn the_camera_and_capacitances_to_ground_know_of_gaps() {

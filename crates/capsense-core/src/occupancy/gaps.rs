@@ -57,7 +57,7 @@ impl Gaps {
         }
     }
 
-    /// Adds the gaps along an edge, from each conductor on it to the next.
+    /// Adds the gaps along an edge, from the conductors up to some place on it to the next. Those that overlap touch.
     fn add(&mut self, edge: u32, owners: [u16; 2], scene: &Scene<'_>) {
         let Self { found, spans, on_the_way, breaks } = self;
         let (materials, background) = (scene.materials, scene.mesh.permittivity.at(edge as usize));
@@ -70,16 +70,16 @@ impl Gaps {
                 on_the_way.push((owner, Span { enter: end, exit: end }));
             }
         }
-        let place = |(object, span): &(u16, Span)| (span.enter + span.exit, *object);
-        on_the_way.sort_unstable_by(|a, b| {
-            let ((a, first), (b, second)) = (place(a), place(b));
-            a.total_cmp(&b).then(first.cmp(&second))
-        });
+        on_the_way
+            .sort_unstable_by(|(first, a), (second, b)| a.enter.total_cmp(&b.enter).then(first.cmp(second)));
         let rule = EdgeRule { owners, spans, materials, background };
-        for pair in on_the_way.windows(2) {
-            let [(first, before), (second, after)] = [pair[0], pair[1]];
-            let factor = rule.only_through(before.exit, after.enter, breaks).through;
-            found.push(Gap { edge, factor, objects: [first, second] });
+        let Some((&(mut last, Span { mut exit, .. }), others)) = on_the_way.split_first() else { return };
+        for &(object, span) in others {
+            let factor = rule.only_through(exit, span.enter, breaks).through;
+            found.push(Gap { edge, factor, objects: [last, object] });
+            if span.exit > exit {
+                (last, exit) = (object, span.exit);
+            }
         }
     }
 }

@@ -5,7 +5,7 @@
 //! edge along it, so what it does to fields along it, (ε - 1) times its thickness, is not there; one that happens to hold a
 //! plane of nodes counts as a cell thick. Interface models that fill elements lose thin bodies altogether. Conductors that cut
 //! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost where gaps are not
-//! looked for ([`super::gaps`]).
+//! looked for ([`super::gaps`]), and what is between two ends that conductors hold always is.
 
 use super::parallel::WEAK;
 use super::{EdgeGeometry, Interface, Span, Surfaces};
@@ -29,8 +29,10 @@ struct Seen {
     leaving: f64,
     /// The body's volume, as the parts of edges along each axis tell: an edge of weight w and extent d stands for w d².
     volumes: DVec3,
-    /// Whether another conductor, at another potential perhaps, is so close that nothing but a gap is between both on an edge.
+    /// Whether another conductor, at another potential perhaps, is so close that nothing but a gap is between both on an edge; and the
+    /// same on an edge whose ends conductors hold.
     is_close: bool,
+    is_between: bool,
 }
 
 impl Seen {
@@ -66,7 +68,7 @@ pub(crate) fn unresolved(
                 false
             }
             (Interface::EdgeCut, Material::Conductor(_)) => {
-                is_inside && !seen.is_met || gaps_are_lost && seen.is_close
+                is_inside && !seen.is_met || gaps_are_lost && seen.is_close || seen.is_between
             }
             _ => is_inside && !seen.is_met || seen.is_thin(),
         }
@@ -92,7 +94,10 @@ fn look_at(
         let Some(span) = surfaces.span(object, a, b) else { continue };
         let weight = weights[edge].max(0.0).min(most_between(mesh, ends));
         seen.is_met = true;
-        seen.is_close |= weight > 0.0 && has_gap(materials, surfaces, object, span, [a, b]);
+        if weight > 0.0 && has_gap(materials, surfaces, object, span, [a, b]) {
+            seen.is_close = true;
+            seen.is_between |= [a, b].into_iter().all(|end| is_in_conductor(materials, surfaces, end));
+        }
         match [a, b].map(|end| surfaces.contains(object, end)) {
             [false, false] => seen.through += weight * a.distance_squared(b),
             [true, true] => {}
@@ -101,6 +106,12 @@ fn look_at(
         seen.volumes += weight * (span.exit - span.enter) * (b - a) * (b - a);
     }
     seen
+}
+
+fn is_in_conductor(materials: &[Material], surfaces: &impl Surfaces, point: DVec3) -> bool {
+    let mut conductors =
+        (0..materials.len()).filter(|object| matches!(materials[*object], Material::Conductor(_)));
+    conductors.any(|object| surfaces.contains(object, point))
 }
 
 /// Whether a segment leads from one conductor to another, of which one finds its own potential, with an end that neither holds: then what
@@ -154,7 +165,8 @@ mod tests {
     use crate::solids::Solids;
     use crate::stiffness::EdgeNetwork;
 
-    /// Where both conductors are at 0 V, or a node is in the gap, there is nothing to lose; where gaps are looked for, nothing is lost.
+    /// Where both conductors are at 0 V, or a node is in the gap, there is nothing to lose; where gaps are looked for, only what is
+    /// between two conductors that hold both ends is.
     #[test]
     fn conductors_too_close_to_each_other_are_told_if_one_floats_and_nobody_looks_for_gaps() {
         let axis: Vec<f64> = (0..=10).map(|k| 0.02 * f64::from(k)).collect();
@@ -183,5 +195,13 @@ mod tests {
             let told = unresolved(geometry, network.weights(), how, &[grounded, upper], &solids);
             assert_eq!(!told.is_empty(), are_told, "{gap} {gaps_are_lost} {upper:?}: {told:?}");
         }
+        // A foil between two plates that hold the planes of nodes below and above it.
+        let shapes = [0.02, 5e-4, 0.02].map(|height| Shape::Box { size: DVec3::new(0.1, 0.1, height) });
+        let mut solids = Solids::new(&shapes).unwrap();
+        let poses = [0.105, 0.11725, 0.1295].map(|z| Pose::at(DVec3::new(0.1, 0.1, z)));
+        solids.place(&poses).unwrap();
+        let how = (Interface::EdgeCut, false);
+        let told = unresolved(geometry, network.weights(), how, &[floating, grounded, floating], &solids);
+        assert_eq!(told, [0, 1, 2]);
     }
 }

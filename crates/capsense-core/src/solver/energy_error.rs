@@ -183,6 +183,10 @@ impl EnergyError {
 
     /// Takes one column's part in the iteration under way.
     pub(super) fn record(&mut self, column: usize, step: Step) {
+        // A column that was done for a while and goes on took no steps meanwhile.
+        for step in self.taken[column].max(self.count.saturating_sub(REMEMBERED))..self.count {
+            self.steps[column * REMEMBERED + step % REMEMBERED] = Step::default();
+        }
         self.steps[column * REMEMBERED + self.count % REMEMBERED] = step;
         self.taken[column] = self.count + 1;
         self.courses[column].note(step.drop);

@@ -86,8 +86,9 @@ impl ConjugateGradients {
                 });
             }
             fields.descend(&self.active);
-            let own = fields.gains().iter().step_by(self.active.len() + 1);
-            self.rz.iter_mut().zip(own).for_each(|(rz, gain)| *rz = *gain);
+            let own = fields.gains().iter().step_by(self.active.len() + 1).zip(&self.active);
+            let of_active = self.rz.iter_mut().zip(own).filter(|(_, (_, active))| **active);
+            of_active.for_each(|(rz, (gain, _))| *rz = *gain);
             if let Some(column) = self.check(fields, demand, options, iterations)? {
                 // Sums of residuals may have followed the rows that changed with rounding, or not yet.
                 if iterations == 0 && !std::mem::replace(&mut is_evaluated, true) {
@@ -111,7 +112,9 @@ impl ConjugateGradients {
             for (column, active) in self.active.iter_mut().enumerate() {
                 let energy = fields.state().energies[column * fields.columns() + column];
                 let allowed = demand.allowed(column, energy, options);
-                *active = !self.error.is_below(column, part * allowed);
+                // Where there was nothing more to gain, there is nothing to go on with.
+                let may_go_on = *active || self.rz[column] > 0.0;
+                *active = may_go_on && !self.error.is_below(column, part * allowed);
             }
         }
         let (relative_error, state) = (self.worst(demand), fields.state());

@@ -44,7 +44,7 @@ const RANGE: f64 = 4.0;
 const ASIDE: f64 = 0.6;
 
 /// What the solver may leave of C, in relation to the tolerance of ΔC: bodies far away change C by a thousandth, and which lattice
-/// others are compared with follows from errors to the third digit. With 3e-5 another order of steps chose one of 3.75 instead of
+/// others are compared with follows from errors to the third digit. With 3e-5, solves that went a little further chose one of 3.75 instead of
 /// 3.70 million tetrahedra, on which one place is off by 0.8 %, and so 213,528 instead of 119,808 for 1 %.
 const SOLVED: f64 = 3e-6;
 

@@ -111,6 +111,23 @@ fn the_larger_a_change_the_more_steps_must_show() {
     }
 }
 
+/// What a column did not do while it was done is nothing, however long ago its remembered steps are.
+#[test]
+fn a_column_that_goes_on_has_taken_no_steps_meanwhile() {
+    let mut error = EnergyError::new(ErrorRule::Experience(Experience::default()), 2);
+    error.start();
+    for index in 0..REMEMBERED + 8 {
+        let drop = 10_f64.powi(-(index as i32) / 8);
+        if !(6..REMEMBERED + 7).contains(&index) {
+            error.record(1, step(drop, 1.0));
+        }
+        error.record(0, step(drop, 1.0));
+        error.advance();
+    }
+    let drops: Vec<f64> = error.steps[REMEMBERED..].iter().map(|step| step.drop).collect();
+    assert_eq!(drops.iter().filter(|drop| **drop > 0.0).count(), 1, "{drops:?}");
+}
+
 /// What is told after a change that is none of a motion is a good part more than after others, for all columns.
 #[test]
 fn after_a_large_change_more_is_told_to_be_left() {
