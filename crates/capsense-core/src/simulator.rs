@@ -401,8 +401,8 @@ impl Simulator {
     }
 
     /// Objects that the mesh is too coarse for, in increasing order: strong dielectrics thinner than cells, bodies that fill
-    /// no element where elements are filled, all that lie between edges, and, where a device finds objects, conductors across whose
-    /// gap edges lead. What they do is missing in the capacitances, and
+    /// no element where elements are filled, all that lie between edges, conductors on an edge between two
+    /// others that hold its ends, and, where a device finds objects, conductors across whose gap edges lead. What they do is missing in the capacitances, and
     /// [`Simulator::error_bars`] may not show it, as the halved mesh hardly sees more. To be asked for now and then: it looks at
     /// all edges near objects, and allocates a list of them.
     pub fn unresolved(&self, surfaces: &impl Surfaces) -> Vec<usize> {

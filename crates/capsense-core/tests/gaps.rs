@@ -26,6 +26,7 @@ struct Stack {
     solids: Solids,
     lowest: f64,
     size: DVec3,
+    /// Where further bodies are.
     more: Vec<Pose>,
 }
 
@@ -57,7 +58,7 @@ impl Stack {
 fn a_grounded_body_shields_a_floating_one_across_a_gap_without_nodes() {
     let materials = [FLOATING, GROUNDED];
     let gaps = [1e-3, 3e-3, 6e-3, 1e-2, 1.5e-2];
-    for (size, slack) in [(BAR, 0.07), (DVec3 { z: 2e-3, ..BAR }, 0.07)] {
+    for size in [BAR, DVec3 { z: 2e-3, ..BAR }] {
         let mut fine = Stack::of(sensor(300_000), &materials, 0.1, size);
         let exact = gaps.map(|gap| fine.change(gap));
         for coarse in both(sensor(30_000)) {
@@ -65,7 +66,7 @@ fn a_grounded_body_shields_a_floating_one_across_a_gap_without_nodes() {
             for (gap, exact) in gaps.into_iter().zip(exact) {
                 for (change, exact) in coarse.change(gap).into_iter().zip(exact) {
                     let ratio = change / exact;
-                    assert!((ratio - 1.0).abs() < slack, "{size} {gap}: {change:e} {exact:e} {ratio}");
+                    assert!((ratio - 1.0).abs() < 0.07, "{size} {gap}: {change:e} {exact:e} {ratio}");
                 }
             }
         }
@@ -89,27 +90,30 @@ fn changes_fall_steadily_as_a_gap_opens() {
     }
 }
 
-/// Two halves of a floating bar, a micrometre from each other, are the bar.
+/// The lower and the upper half of a floating bar, a micrometre from each other, are the bar, as well as cells as high as it know it.
+/// Without a capacitor between them they do a tenth of what it does.
 #[test]
 fn halves_of_a_floating_bar_are_the_bar() {
-    let half = |x: f64| Pose::at(DVec3::new(x, 0.0, 0.11));
-    let [size, of_half] = [BAR, BAR - DVec3::new(0.5 * BAR.x + 5e-7, 0.0, 0.0)];
+    let at = |z: f64| Pose::at(DVec3::new(0.0, 0.0, z));
+    let half = DVec3 { z: 0.5 * BAR.z - 5e-7, ..BAR };
     for sensor in both(sensor(30_000)) {
-        let changed = |shape: Shape, poses: &[Pose]| {
+        let changed = |size: DVec3, poses: &[Pose]| {
             let materials = vec![FLOATING; poses.len()];
             let mut simulator = Simulator::new(sensor.clone(), materials, to(1e-6)).unwrap();
-            let mut solids = Solids::new(&vec![shape; poses.len()]).unwrap();
+            let mut solids = Solids::new(&vec![Shape::Box { size }; poses.len()]).unwrap();
             solids.place(poses).unwrap();
             let _ = simulator.step(&solids).unwrap();
             [(0, 0), (1, 1), (0, 1)]
                 .map(|(i, j)| simulator.capacitance().get(i, j) - simulator.base().get(i, j))
         };
-        // Off the planes of nodes.
-        let away = 0.5 * of_half.x + 5e-7;
-        let whole = changed(Shape::Box { size }, &[half(3e-3)]);
-        let halves = changed(Shape::Box { size: of_half }, &[half(3e-3 - away), half(3e-3 + away)]);
-        for (whole, halves) in whole.into_iter().zip(halves) {
-            assert!((halves / whole - 1.0).abs() < 0.03, "{whole:e} {halves:e}");
+        for height in [0.105, 0.11, 0.115, 0.12, 0.125] {
+            let away = 0.5 * half.z + 5e-7;
+            let whole = changed(BAR, &[at(height)]);
+            let halves = changed(half, &[at(height - away), at(height + away)]);
+            for (whole, halves) in whole.into_iter().zip(halves) {
+                let ratio = halves / whole;
+                assert!((ratio - 1.0).abs() < 0.1, "{height}: {whole:e} {halves:e} {ratio}");
+            }
         }
     }
 }

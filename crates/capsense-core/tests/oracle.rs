@@ -7,13 +7,13 @@ mod common;
 
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
-use capsense_core::material::{Connection, Material, RelativePermittivity};
+use capsense_core::material::Material;
 use capsense_core::occupancy::DepthLayers;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use common::{
-    Dice, GROUNDED, any_material, bar, both, depth_of_boxes, oracle, relative_error, stripes_sensor,
-    three_stripes, to,
+    Dice, FLOATING, GROUNDED, any_material, bar, both, depth_of_boxes, dielectric, oracle, relative_error,
+    stripes_sensor, three_stripes, to,
 };
 
 const TOLERANCES: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
@@ -106,13 +106,7 @@ fn the_tolerance_holds_in_scenes_thrown_by_dice() {
 /// potentials in it are rounded to more than a tolerance of 1e-6, now and then to more than one of 1e-4.
 #[test]
 fn strong_dielectrics_are_not_rounded_away() {
-    let permittivity = |value| Material::Dielectric(RelativePermittivity::new(value).unwrap());
-    let materials = [
-        permittivity(438_733.0),
-        Material::Conductor(Connection::Floating),
-        permittivity(0.012_763),
-        permittivity(0.001_53),
-    ];
+    let materials = [dielectric(438_733.0), FLOATING, dielectric(0.012_763), dielectric(0.001_53)];
     let solids: [[f64; 9]; 4] = [
         [-0.1217, 0.0361, 0.0475, 0.0729, 0.1364, 0.1299, -0.000_986, -0.001_933, 0.001_213],
         [-0.0977, 0.0716, 0.0686, -0.0298, 0.1137, 0.1234, 0.000_737, -0.001_061, 0.001_341],

@@ -147,7 +147,7 @@ impl EdgeRule<'_> {
         met.or(held.map(|object| (object, 1.0 - end)))
     }
 
-    fn conductors(&self) -> impl Iterator<Item = (u16, Span)> {
+    pub(super) fn conductors(&self) -> impl Iterator<Item = (u16, Span)> {
         self.spans
             .iter()
             .copied()

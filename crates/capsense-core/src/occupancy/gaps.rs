@@ -61,9 +61,9 @@ impl Gaps {
     fn add(&mut self, edge: u32, owners: [u16; 2], scene: &Scene<'_>) {
         let Self { found, spans, on_the_way, breaks } = self;
         let (materials, background) = (scene.materials, scene.mesh.permittivity.at(edge as usize));
+        let rule = EdgeRule { owners, spans, materials, background };
         on_the_way.clear();
-        on_the_way
-            .extend(spans.iter().filter(|(object, _)| scene.is_conductor(usize::from(*object))).copied());
+        on_the_way.extend(rule.conductors());
         for (owner, end) in owners.into_iter().zip([0.0, 1.0]) {
             // Rounding may have it that what holds a node does not meet the edge.
             if owner != NO_OBJECT && on_the_way.iter().all(|(object, _)| *object != owner) {
@@ -72,7 +72,6 @@ impl Gaps {
         }
         on_the_way
             .sort_unstable_by(|(first, a), (second, b)| a.enter.total_cmp(&b.enter).then(first.cmp(second)));
-        let rule = EdgeRule { owners, spans, materials, background };
         let Some((&(mut last, Span { mut exit, .. }), others)) = on_the_way.split_first() else { return };
         for &(object, span) in others {
             let factor = rule.only_through(exit, span.enter, breaks).through;

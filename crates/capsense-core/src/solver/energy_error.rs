@@ -41,9 +41,10 @@ const KNOWN: f64 = 0.5;
 /// how fast the drops fall.
 const SMALL_MOTION: f64 = 6e-3;
 
-/// After a larger change even two drops tell too little of how fast they will fall. So many times what is told of other solves
-/// may be left.
+/// After a larger change even two drops tell too little of how fast they will fall.
 pub(super) const LARGE_CHANGE: f64 = 3e-2;
+
+/// So many times as much as drops tell may be left then.
 const CAUTION_AFTER_LARGE_CHANGE: f64 = 4.0;
 
 /// A step so many times longer than those learned from goes along a direction that the preconditioner knows badly. So
