@@ -11,7 +11,7 @@ use super::links::ObjectLinks;
 use super::parts::places;
 use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
-use super::relaxation::Room;
+use super::relaxation::Relaxation;
 use super::sums::{Equations, Nodes, PIECE, Partial, Sums, hold, total, turn_into_residuals};
 use crate::instructions::EightLanes;
 use crate::solver::operator::State;
@@ -28,7 +28,7 @@ pub(super) struct Refreshed<'a> {
     pub(super) of_free: &'a mut [f64],
     pub(super) state: &'a mut State,
     pub(super) blocks: &'a mut Blocks,
-    pub(super) room: &'a mut Room,
+    pub(super) relaxation: &'a mut Relaxation,
 }
 
 /// So many groups of planes have their sums each, whatever the threads that share them.
