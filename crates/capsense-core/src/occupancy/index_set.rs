@@ -96,15 +96,6 @@ impl IndexSet {
         }
     }
 
-    /// Visits all numbers in increasing order and leaves the set empty.
-    #[inline]
-    pub(super) fn drain(&mut self, mut visit: impl FnMut(usize)) {
-        for word in std::mem::replace(&mut self.used, NO_WORDS) {
-            let bits = std::mem::take(&mut self.words[word]);
-            for_bits(bits, |bit| visit(word * BITS + bit));
-        }
-    }
-
     /// Visits all numbers of this set and of another below the same bound in increasing order, each once, tells whether it
     /// is in this one, and leaves both empty.
     #[inline]

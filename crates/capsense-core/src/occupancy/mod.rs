@@ -294,15 +294,13 @@ impl Occupancy {
         } else {
             let mut edges = std::mem::take(&mut self.scratch.edges);
             let mark_edges = || edges.mark(workers, &mesh, &changes, dependence.beside);
-            let mut walls = std::mem::take(&mut self.camera_walls);
-            let find_holders_and_layers = || {
-                changes.for_nodes_near(&mesh, |node| self.set_holder(node, scene.holder(node)));
-                if dependence.on_rays {
-                    walls.start(&scene, changes.planes());
-                }
-            };
-            workers.both(mark_edges, find_holders_and_layers);
-            (self.scratch.edges, self.camera_walls) = (edges, walls);
+            let find_holders =
+                || changes.for_nodes_near(&mesh, |node| self.set_holder(node, scene.holder(node)));
+            workers.both(mark_edges, find_holders);
+            self.scratch.edges = edges;
+            if dependence.on_rays {
+                self.camera_walls.start(workers, &scene, changes.planes());
+            }
             let mut wedges = std::mem::take(&mut self.wedges);
             wedges.update(workers, &scene, changes.around_edges(), &self.conductor);
             self.update_edges(workers, &scene, dependence, &wedges);

@@ -1,11 +1,12 @@
 //! Where bodies are along the rays through the nodes of a lattice.
 
-use super::RAYS;
 use super::dual_face::DualFace;
+use super::{RAYS, TASKS_OF_A_THREAD};
 use crate::mesh::{Lattice, Planes};
 use crate::occupancy::crossing::span_behind;
 use crate::occupancy::index_set::IndexSet;
 use crate::occupancy::{Scene, Span};
+use crate::workers::Workers;
 
 /// The faces of a body that a ray misses.
 const MISSED: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -21,36 +22,62 @@ pub(super) struct Layer {
 /// Front and back of each object along the rays through each column of nodes: one ray is met by the edges of all planes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RayLayers {
-    /// For each object, of each column.
-    faces: Vec<Vec<[f64; 2]>>,
+    objects: usize,
+    /// Column by column those of all objects.
+    faces: Vec<[f64; 2]>,
     /// Working storage: columns where something may differ.
     near: IndexSet,
 }
 
 impl RayLayers {
-    /// Moves to the next frame, in which answers differ in boxes that some planes touch.
-    pub(super) fn update(&mut self, scene: &Scene<'_>, lattice: &Lattice, regions: &[Planes]) {
-        let columns = lattice.strides()[RAYS];
-        if self.faces.len() != scene.bounds.len() {
+    /// Moves to the next frame, in which answers differ in boxes that some planes touch; threads share the columns.
+    pub(super) fn update(
+        &mut self,
+        workers: &Workers,
+        scene: &Scene<'_>,
+        lattice: &Lattice,
+        regions: &[Planes],
+    ) {
+        let (columns, objects) = (lattice.strides()[RAYS], scene.bounds.len());
+        if self.objects != objects {
             self.near = IndexSet::below(columns);
             self.faces.clear();
-            self.faces.resize(scene.bounds.len(), vec![MISSED; columns]);
+            self.faces.resize(columns * objects, MISSED);
+            self.objects = objects;
         }
         for [x, y, _] in regions {
             lattice.for_rows_of(&[x.clone(), y.clone(), 0..1], |columns| self.near.insert_all(columns));
         }
         let Self { faces, near, .. } = self;
-        near.drain(|column| {
-            for (object, faces) in faces.iter_mut().enumerate() {
-                let found = scene.surfaces.layer_at(object, scene.mesh.nodes[column]);
-                faces[column] = found.unwrap_or(MISSED);
-            }
+        let (mut rest, mut first) = (&mut faces[..], 0);
+        let parts = IndexSet::cut([near], workers.tasks(TASKS_OF_A_THREAD)).map(|part| {
+            let before = std::mem::replace(&mut first, part.end().min(columns));
+            let faces = rest.split_off_mut(..(first - before) * objects).unwrap_or_default();
+            (part, before, faces)
+        });
+        workers.for_each(parts, |(part, first, faces)| {
+            part.drain_runs(|columns| {
+                let of_run = faces[(columns.start - first) * objects..].chunks_exact_mut(objects);
+                for (faces, column) in of_run.zip(columns) {
+                    for (object, faces) in faces.iter_mut().enumerate() {
+                        let found = scene.surfaces.layer_at(object, scene.mesh.nodes[column]);
+                        *faces = found.unwrap_or(MISSED);
+                    }
+                }
+            });
         });
     }
 
     /// Forgets all.
     pub(super) fn clear(&mut self) {
         self.faces.clear();
+        self.objects = 0;
+    }
+
+    /// Those of all objects along the ray through a column of nodes, each with its number.
+    #[inline]
+    fn along(&self, column: usize) -> impl Iterator<Item = (usize, &[f64; 2])> {
+        self.faces[column * self.objects..][..self.objects].iter().enumerate()
     }
 
     /// Collects the objects on an edge along the ray through a column of nodes, in the order in which they are listed, as if the edge
@@ -58,8 +85,8 @@ impl RayLayers {
     #[inline]
     pub(super) fn find_spans(&self, column: usize, depths: [f64; 2], spans: &mut Vec<(u16, Span)>) {
         spans.clear();
-        for (object, faces) in self.faces.iter().enumerate() {
-            let span = span_behind([faces[column]; 2], depths, [0.0, 1.0]);
+        for (object, &faces) in self.along(column) {
+            let span = span_behind([faces; 2], depths, [0.0, 1.0]);
             spans.extend(span.map(|span| (object as u16, span)));
         }
     }
@@ -68,17 +95,17 @@ impl RayLayers {
     #[inline]
     pub(super) fn only_one(&self, face: &DualFace, columns: [usize; 2]) -> Option<Layer> {
         let mut only = None;
-        for (object, faces) in self.faces.iter().enumerate() {
-            let are_met = columns.map(|column| face.has_between_planes(faces[column]));
+        for ((object, &first), (_, &second)) in self.along(columns[0]).zip(self.along(columns[1])) {
+            let are_met = [first, second].map(|faces| face.has_between_planes(faces));
             if are_met == [false; 2] {
                 continue;
             }
             if are_met == [true; 2] || only.is_some() {
                 return None;
             }
-            only = Some((object, usize::from(are_met[1])));
+            only = Some(if are_met[0] { (object, 0, first) } else { (object, 1, second) });
         }
-        let (object, end) = only?;
-        Some(Layer { object, end, faces: face.clipped(self.faces[object][columns[end]]) })
+        let (object, end, faces) = only?;
+        Some(Layer { object, end, faces: face.clipped(faces) })
     }
 }

@@ -76,10 +76,10 @@ impl CameraWalls {
     }
 
     /// Moves to the next frame, in which answers differ in boxes that some planes touch. What becomes of edges there is yet to be found.
-    pub(super) fn start(&mut self, scene: &Scene<'_>, regions: &[Planes]) {
+    pub(super) fn start(&mut self, workers: &Workers, scene: &Scene<'_>, regions: &[Planes]) {
         let Edges::Lattice(lattice) = scene.mesh.edges else { return };
         if scene.has_camera_walls {
-            self.layers.update(scene, lattice, regions);
+            self.layers.update(workers, scene, lattice, regions);
             for planes in regions {
                 // Of edges across the rays that touch a box, the first ends are before it.
                 let starts = lattice.up_to_next(planes, [true; 3], [false, false, true]);
