@@ -5,6 +5,7 @@
 
 mod cut_element;
 mod immersed;
+mod least_links;
 mod negative;
 mod node_links;
 mod obtuse;
@@ -17,6 +18,7 @@ use crate::mesh::{Edges, TetMesh};
 use crate::workers::Workers;
 pub(crate) use immersed::may_be_immersed;
 use immersed::{ImmersedElements, OtherRules};
+use least_links::LeastLinks;
 use negative::NegativeWeights;
 use node_links::NodeLinks;
 use obtuse::ObtuseElements;
@@ -29,6 +31,7 @@ pub(super) struct Unstructured {
     rule: Vec<Coupling>,
     links: NodeLinks,
     obtuse: ObtuseElements,
+    least: LeastLinks,
     /// Negative weights that dielectrics are to scale.
     negative: Option<NegativeWeights>,
     /// Elements that weak dielectrics cut.
@@ -63,6 +66,7 @@ impl Unstructured {
             weights: weights.to_vec(),
             rule: vec![Coupling::PLAIN; weights.len()],
             links: NodeLinks::new(mesh, edges, weights),
+            least: LeastLinks::new(obtuse.len()),
             obtuse,
             immersed: None,
             pending: IndexList::below(weights.len()),

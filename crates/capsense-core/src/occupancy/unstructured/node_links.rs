@@ -225,10 +225,7 @@ impl Unstructured {
         conductors: &[u16],
     ) {
         self.links.look_around(workers, scene, around_edges);
-        for &edge in self.pending.numbers() {
-            // How little links may be depends on all edges of elements.
-            self.obtuse.for_nodes_around(edge as usize, |node| self.links.pending.insert(node));
-        }
+        self.update_least_links(workers, scene, conductors);
         if workers.threads() == 1 {
             for at in 0..self.links.pending.numbers().len() {
                 let node = self.links.pending.numbers()[at] as usize;
@@ -241,7 +238,20 @@ impl Unstructured {
         self.links.pending.clear();
     }
 
-    /// The same for all pending nodes, by threads that share them.
+    /// How little links may be depends on all edges of elements.
+    fn update_least_links(&mut self, workers: &Workers, scene: &Scene<'_>, conductors: &[u16]) {
+        let Self { pending, least, obtuse, links, rule, .. } = self;
+        pending.numbers().iter().for_each(|&edge| least.look_at(obtuse, edge as usize));
+        let holder = |node: u32| match (scene.mesh.terminals[node as usize], conductors[node as usize]) {
+            (FREE, NO_OBJECT) => Holder::None,
+            (FREE, conductor) => Holder::Conductor(conductor),
+            _ => Holder::Sensor,
+        };
+        let of_element = |element: u32| obtuse.links(element, rule, holder);
+        least.update(workers, obtuse, of_element, |node| links.pending.insert(node));
+    }
+
+    /// The links of all pending nodes, by threads that share them.
     fn share_links(&mut self, workers: &Workers, scene: &Scene<'_>, conductors: &[u16]) {
         let mut found = std::mem::take(&mut self.links.found);
         let nodes = self.links.pending.numbers();
@@ -308,7 +318,7 @@ impl Unstructured {
             all += share * (near - all);
         }
         if object != NO_OBJECT {
-            all = all.max(self.least_links(node, object, scene, conductors));
+            all = all.max(self.least_links(node, object));
             if ending.are_several || ending.object != object {
                 // Elements count on one conductor.
                 all = all.max(ending.now);
@@ -318,15 +328,10 @@ impl Unstructured {
         if object == NO_OBJECT || weight == 0.0 { NodeLink::NONE } else { NodeLink { object, weight } }
     }
 
-    fn least_links(&self, node: usize, object: u16, scene: &Scene<'_>, conductors: &[u16]) -> f64 {
-        let holder = |node: u32| match (scene.mesh.terminals[node as usize], conductors[node as usize]) {
-            (FREE, NO_OBJECT) => Holder::None,
-            (FREE, conductor) => Holder::Conductor(conductor),
-            _ => Holder::Sensor,
-        };
+    fn least_links(&self, node: usize, object: u16) -> f64 {
         let scale =
             |element: usize| self.negative.as_ref().map_or(1.0, |negative| negative.smallest(element));
-        self.obtuse.least_links((node, object), &self.rule, holder, scale)
+        self.least.of_node(&self.obtuse, (node, object), scale)
     }
 
     /// Sums over the edges of a node that end in conductors.

@@ -16,6 +16,7 @@
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
 use super::cut_element::CutElement;
+use super::least_links::ElementLinks;
 use crate::mesh::{EdgeShare, TetMesh};
 
 /// What holds a node's potential.
@@ -32,9 +33,13 @@ pub(super) enum Holder {
 pub(super) struct ObtuseElements {
     /// The nodes, edges and weights of each.
     elements: Vec<Element>,
-    at_node: Lists<u32>,
+    at_node: Lists<Corner>,
     at_edge: Lists<u32>,
 }
+
+/// A corner of an element.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Corner(u32);
 
 #[derive(Clone, Copy, Debug)]
 struct Element {
@@ -58,7 +63,7 @@ impl ObtuseElements {
         }
         let numbered = || (0..).zip(&elements);
         let at_node = numbered().flat_map(|(number, element): (u32, &Element)| {
-            element.nodes.into_iter().map(move |node| (node as usize, number))
+            (0..4).zip(element.nodes).map(move |(corner, node)| (node as usize, Corner(4 * number + corner)))
         });
         let at_edge =
             numbered().flat_map(|(number, element)| element.existing_edges().map(move |edge| (edge, number)));
@@ -89,49 +94,46 @@ impl ObtuseElements {
         self.elements[element as usize].existing_edges()
     }
 
-    /// Visits the nodes of the elements at an edge, some several times.
-    pub(super) fn for_nodes_around(&self, edge: usize, mut visit: impl FnMut(usize)) {
-        let elements = self.at_edge(edge).iter().map(|&element| &self.elements[element as usize]);
-        elements.flat_map(|element| element.nodes).for_each(|node| visit(node as usize));
+    /// The nodes of an element.
+    pub(super) fn nodes(&self, element: u32) -> [u32; 4] {
+        self.elements[element as usize].nodes
     }
 
-    /// What the links of a free node must be together at least, edges to nodes that conductors hold among them, if what is
-    /// added or missing leads to `object`. `rule` is what the edge rule makes of edges, `scale` by what each element's
-    /// weights are multiplied.
-    pub(super) fn least_links(
+    /// The corners at a node.
+    pub(super) fn at_node(&self, node: usize) -> &[Corner] {
+        self.at_node.of(node)
+    }
+
+    /// What the links of an element's corners must be at least. `rule` is what the edge rule makes of edges.
+    pub(super) fn links(
         &self,
-        (node, object): (usize, u16),
+        element: u32,
         rule: &[Coupling],
         holder: impl Fn(u32) -> Holder,
-        scale: impl Fn(usize) -> f64,
-    ) -> f64 {
-        let elements = self.at_node.of(node).iter().map(|&number| number as usize);
-        let least = |number: usize| self.elements[number].least_links(node, object, rule, &holder);
-        elements.map(|number| scale(number) * least(number)).sum()
+    ) -> ElementLinks {
+        let (cut, ends_in) = self.elements[element as usize].cut(rule, holder);
+        match ends_in {
+            EndsIn::Nothing => ElementLinks::NONE,
+            // What is certain is all that counts.
+            EndsIn::Several => ElementLinks { ends_in, certain: cut.certain, least: cut.certain },
+            EndsIn::One(_) => ElementLinks { ends_in, certain: cut.certain, least: cut.least_links() },
+        }
+    }
+}
+
+impl Corner {
+    pub(super) fn element(self) -> usize {
+        (self.0 / 4) as usize
+    }
+
+    pub(super) fn number(self) -> usize {
+        (self.0 % 4) as usize
     }
 }
 
 impl Element {
     fn existing_edges(&self) -> impl Iterator<Item = usize> + Clone + use<> {
         self.edges.into_iter().filter(|edge| *edge != NO_EDGE).map(|edge| edge as usize)
-    }
-
-    /// What the links of a node to an object must be at least for this element.
-    fn least_links(
-        &self,
-        node: usize,
-        object: u16,
-        rule: &[Coupling],
-        holder: impl Fn(u32) -> Holder,
-    ) -> f64 {
-        let Some(corner) = (0..4).find(|&corner| self.nodes[corner] as usize == node) else { return 0.0 };
-        let (cut, ends_in) = self.cut(rule, holder);
-        match ends_in {
-            EndsIn::Nothing => 0.0,
-            EndsIn::One(conductor) if conductor == object => cut.least_links()[corner],
-            EndsIn::One(_) => cut.least_links()[corner].max(cut.certain[corner]),
-            EndsIn::Several => cut.certain[corner],
-        }
     }
 
     /// What conductors leave of the element, and in what its edges end.
@@ -191,7 +193,7 @@ fn is_clean(differs: [bool; 4], is_cut: impl Fn(usize) -> bool) -> bool {
 
 /// The conductors in which edges of an element end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum EndsIn {
+pub(super) enum EndsIn {
     Nothing,
     One(u16),
     /// In several, whose potentials differ.
