@@ -28,7 +28,7 @@ impl RightAngle {
     }
 
     /// How far a point is before either face.
-    pub(super) fn before(&self, point: DVec3) -> [f64; 2] {
+    pub(in super::super) fn before(&self, point: DVec3) -> [f64; 2] {
         self.normals.map(|normal| normal.dot(point - self.place))
     }
 
@@ -38,12 +38,9 @@ impl RightAngle {
     }
 }
 
-/// Points around a node: itself, then its neighbours, and one more that makes the number even.
-pub(in super::super) const POINTS: usize = 8;
-
 /// Coordinates of points by a right angle, one array for each.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Places<const N: usize = POINTS>([[f64; N]; 3]);
+pub(in super::super) struct Places<const N: usize>([[f64; N]; 3]);
 
 impl<const N: usize> Places<N> {
     /// All of them at the place of the angle.
@@ -150,7 +147,7 @@ mod tests {
             let theta = 6.0 * FRAC_PI_4 * f64::from(step) / 60.0;
             for r in [1e-6, 0.02, 3.0_f64] {
                 let (sine, cosine) = theta.sin_cos();
-                let mut places = Places::<POINTS>::ORIGIN;
+                let mut places = Places::<8>::ORIGIN;
                 places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
                 places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
                 let [found, within, at_edge, ..] = places.potentials(angle.radius);

@@ -32,8 +32,8 @@ mod star;
 
 pub use angles::{RightAngled, RightAngles};
 pub(crate) use at_pose::span_in_box;
+pub(super) use field::Places;
 pub use field::RightAngle;
-pub(super) use field::{POINTS, Places};
 pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::{Cells, part_within};

@@ -14,12 +14,13 @@
 use super::super::coupling::{Coupling, SMALLEST_PART};
 use super::super::index_set::IndexList;
 use super::super::near_field::{
-    Cells, FAR_OFF_LATTICE, Near, POINTS, Places, RightAngle, RoundNear, grown, part_within,
+    Cells, FAR_OFF_LATTICE, Near, Places, RightAngle, RoundNear, grown, part_within,
 };
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
 use super::{HeldEdge, Unstructured};
 use crate::geometry::Aabb;
+use crate::instructions::vectorised;
 use crate::mesh::{Edges, TetMesh, signed_volume};
 use crate::sensor::FREE;
 use crate::workers::Workers;
@@ -30,6 +31,9 @@ const SAME: f64 = 1e-9;
 
 /// No length is off by more than this part of it for rounding.
 const OF_ROUNDING: f64 = 1e-9;
+
+/// A node and most of its neighbours, whose potentials are computed at once.
+const AROUND: usize = 16;
 
 /// So many nodes keep a thread busy for ten times as long as it takes to hand them over.
 const NODES_OF_A_TASK: usize = 64;
@@ -343,15 +347,16 @@ impl Unstructured {
             let permittivity = scene.mesh.permittivity.at(edge);
             let first = *background.get_or_insert(permittivity);
             ending.is_mixed |= f64::abs(permittivity - first) > SAME * first;
+            let rule = &self.rule[edge];
             let held = HeldEdge::of(edge, scene.mesh.edges.ends_of_existing(edge), conductors);
-            let (rule, left) = (self.rule[edge], self.without_links(held));
-            let (object, factor, now) = match (rule.object[end], held.owners[1 - end]) {
-                (NO_OBJECT, NO_OBJECT) => {
-                    ending.is_mixed |= self.part(held) != 1.0;
-                    return;
-                }
-                (NO_OBJECT, owner) => (owner, rule.through, left.through),
-                (object, _) => (object, rule.factor[end], left.factor[end]),
+            if rule.object[end] == NO_OBJECT && held.owners[1 - end] == NO_OBJECT {
+                ending.is_mixed |= self.part(held) != 1.0;
+                return;
+            }
+            let left = self.without_links(held);
+            let (object, factor, now) = match rule.object[end] {
+                NO_OBJECT => (held.owners[1 - end], rule.through, left.through),
+                object => (object, rule.factor[end], left.factor[end]),
             };
             let weight = self.weights[edge] * if rule.meets_two(held.owners) { 0.0 } else { self.part(held) };
             let now = self.weights[edge] * now;
@@ -393,25 +398,34 @@ impl Unstructured {
 
     /// The same near a right angle.
     fn at_wedge(&self, scene: &Scene<'_>, node: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
-        let mut places = Places::ORIGIN;
-        places.set(0, angle.coordinates(scene.mesh.nodes[node]));
-        let mut balance = Balance::of(places.potentials(angle.radius)[0]);
-        let mut weights = [0.0; POINTS];
-        let mut count = 0;
-        let mut add = |places: &Places, weights: &[f64]| {
-            let potentials = places.potentials(angle.radius);
+        // Along a straight edge all places are alike.
+        let along = if angle.radius.is_finite() { angle.along() } else { DVec3::ZERO };
+        let coordinates = |point: DVec3| {
+            let [p, q] = angle.before(point);
+            [p, q, along.dot(point - angle.place)]
+        };
+        // The node itself comes first, and weighs nothing.
+        let (mut places, mut weights, mut count) = (Places::<AROUND>::ORIGIN, [0.0; AROUND], 1);
+        places.set(0, coordinates(scene.mesh.nodes[node]));
+        let mut balance = None;
+        let mut add = |places: &Places<AROUND>, weights: &[f64]| {
+            let potentials = vectorised(
+                #[inline(always)]
+                || places.potentials(angle.radius),
+            );
+            let balance = balance.get_or_insert(Balance::of(potentials[0]));
             weights.iter().zip(potentials).for_each(|(weight, potential)| balance.add(*weight, potential));
         };
         self.for_seen_neighbours(scene, node, conductors, |point, weight| {
-            places.set(count, angle.coordinates(point));
-            weights[count] = weight;
-            count += 1;
-            if count == POINTS {
+            if count == AROUND {
                 add(&places, &weights);
                 count = 0;
             }
+            places.set(count, coordinates(point));
+            weights[count] = weight;
+            count += 1;
         });
         add(&places, &weights[..count]);
-        balance.links()
+        balance.map_or(0.0, |balance| balance.links())
     }
 }
