@@ -36,6 +36,10 @@ impl Scene<'_> {
         matches!(self.materials[object], Material::Conductor(_))
     }
 
+    pub(super) fn has_only_conductors(&self) -> bool {
+        (0..self.materials.len()).all(|object| self.is_conductor(object))
+    }
+
     /// The conductor that holds a node.
     pub(super) fn holder(&self, node: usize) -> u16 {
         if self.mesh.terminals[node] != FREE {

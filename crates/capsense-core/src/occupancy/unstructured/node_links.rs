@@ -96,6 +96,9 @@ pub(super) struct NodeLinks {
     cell: Vec<f64>,
     /// Where the mesh ends.
     ends: Aabb,
+    /// Which ends of each edge lead into conductors, a bit for each, and how many of each node's edges do.
+    ending: Vec<u8>,
+    ending_at: Vec<u32>,
     /// Nodes to be looked at again in this frame, and what becomes of their links.
     pending: IndexList,
     found: Vec<NodeLink>,
@@ -115,6 +118,11 @@ struct Ending {
     are_several: bool,
     /// Whether the permittivity is not the same all around the node.
     is_mixed: bool,
+}
+
+impl Ending {
+    const NONE: Self =
+        Self { object: NO_OBJECT, most: 0.0, now: 0.0, cut: 0.0, are_several: false, is_mixed: false };
 }
 
 /// What potentials of a node and its neighbours ask for, the neighbours one after the other.
@@ -169,6 +177,8 @@ impl NodeLinks {
             carrier: (0..nodes).map(heaviest).collect(),
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
             ends: Aabb::around(mesh.nodes().iter().copied()),
+            ending: vec![0; edges.len()],
+            ending_at: vec![0; nodes],
             pending: IndexList::below(nodes),
             found: Vec::new(),
             near: Vec::new(),
@@ -182,6 +192,25 @@ impl NodeLinks {
     /// Notes that a node is to be looked at again.
     pub(super) fn look_at(&mut self, node: usize) {
         self.pending.insert(node);
+    }
+
+    /// Notes which ends of an edge lead into conductors.
+    pub(super) fn note_ending(
+        &mut self,
+        HeldEdge { edge, owners }: HeldEdge,
+        ends: [u32; 2],
+        rule: &Coupling,
+    ) {
+        let leads = |end: usize| rule.object[end] != NO_OBJECT || owners[1 - end] != NO_OBJECT;
+        let now = u8::from(leads(0)) | u8::from(leads(1)) << 1;
+        let before = std::mem::replace(&mut self.ending[edge], now);
+        if now != before {
+            for (end, node) in ends.into_iter().enumerate() {
+                let [before, now] = [before, now].map(|of| u32::from(of >> end & 1));
+                self.ending_at[node as usize] += now;
+                self.ending_at[node as usize] -= before;
+            }
+        }
     }
 
     /// Notes the nodes that edges of conductors in some boxes are near. Threads share the room around these.
@@ -340,8 +369,11 @@ impl Unstructured {
 
     /// Sums over the edges of a node that end in conductors.
     fn ending(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> Ending {
-        let mut ending =
-            Ending { object: NO_OBJECT, most: 0.0, now: 0.0, cut: 0.0, are_several: false, is_mixed: false };
+        let mut ending = Ending::NONE;
+        let is_mixed_nowhere = || scene.mesh.permittivity.is_uniform() && scene.has_only_conductors();
+        if self.links.ending_at[node] == 0 && self.negative.is_none() && is_mixed_nowhere() {
+            return ending;
+        }
         let mut background = None;
         scene.mesh.edges.for_edges_at(node, |edge, end| {
             let permittivity = scene.mesh.permittivity.at(edge);
