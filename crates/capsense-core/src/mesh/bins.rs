@@ -21,9 +21,33 @@ pub(crate) struct Bins {
     low: DVec3,
     bins_per_metre: DVec3,
     last: USizeVec3,
-    /// Bin b holds `boxes[starts[b]..starts[b + 1]]`.
+    /// Bin b holds `boxes[starts[b]..starts[b + 1]]`, each with what it is about, so that most of those that do not touch a region
+    /// are passed over without a look at where they are exactly.
     starts: Vec<u32>,
-    boxes: Vec<u32>,
+    boxes: Vec<(About, u32)>,
+}
+
+/// A box that is no smaller than one in double precision.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct About {
+    min: [f32; 3],
+    max: [f32; 3],
+}
+
+impl About {
+    fn around(of: &Aabb) -> Self {
+        let below = |x: f64| if f64::from(x as f32) > x { (x as f32).next_down() } else { x as f32 };
+        let above = |x: f64| if f64::from(x as f32) < x { (x as f32).next_up() } else { x as f32 };
+        Self { min: of.min.to_array().map(below), max: of.max.to_array().map(above) }
+    }
+
+    /// Whether two have a point in common.
+    #[inline(always)]
+    fn touches(&self, other: &Self) -> bool {
+        (0..3).fold(true, |all, axis| {
+            all & (self.min[axis] <= other.max[axis]) & (other.min[axis] <= self.max[axis])
+        })
+    }
 }
 
 impl Bins {
@@ -50,22 +74,26 @@ impl Bins {
         for bin in 1..sorted.starts.len() {
             sorted.starts[bin] += sorted.starts[bin - 1];
         }
-        let mut boxes = vec![0; sorted.starts.last().map_or(0, |&end| end as usize)];
+        let mut boxes = vec![Default::default(); sorted.starts.last().map_or(0, |&end| end as usize)];
         let mut next = sorted.starts.clone();
         for index in 0..count {
-            sorted.for_bins(&bounds(index), |bin| {
-                boxes[next[bin] as usize] = index as u32;
+            let bounds = bounds(index);
+            let about = About::around(&bounds);
+            sorted.for_bins(&bounds, |bin| {
+                boxes[next[bin] as usize] = (about, index as u32);
                 next[bin] += 1;
             });
         }
         Self { boxes, ..sorted }
     }
 
-    /// Visits at least all boxes that touch a region, some of them several times.
+    /// Visits all boxes that touch a region, and perhaps others that all but touch it; some of them several times.
     pub(crate) fn for_boxes_near(&self, region: &Aabb, mut visit: impl FnMut(u32)) {
+        let about = About::around(region);
         self.for_bins(region, |bin| {
             let boxes = self.starts[bin] as usize..self.starts[bin + 1] as usize;
-            self.boxes[boxes].iter().copied().for_each(&mut visit);
+            let near = self.boxes[boxes].iter().filter(|(other, _)| other.touches(&about));
+            near.for_each(|&(_, number)| visit(number));
         });
     }
 
