@@ -321,7 +321,7 @@ impl LatticeSolver {
                 relaxation,
             };
             rows.refresh(workers, arch);
-            rows.relax(workers);
+            rows.relax(workers, changed.len());
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };

@@ -45,7 +45,7 @@ pub(super) struct Relaxation {
     /// Where they are, each with its index along y; and how many have that.
     changed: Vec<(StoredPlace, u32)>,
     at_y: Vec<u32>,
-    /// They are not listed any more where they are more than this.
+    /// If more than this change, none are relaxed.
     most: usize,
     /// Of the nodes before and behind a plane, if they are to be shared.
     rooms: Vec<Room>,
@@ -384,9 +384,9 @@ impl Room {
 }
 
 impl Refreshed<'_> {
-    /// Relaxes the free nodes that are listed, and lists none any more.
-    pub(super) fn relax(&mut self, workers: &Workers) {
-        if self.relaxation.changed.len() <= self.relaxation.most {
+    /// Relaxes the free ones of so many nodes that changed, those that are listed, and lists none any more.
+    pub(super) fn relax(&mut self, workers: &Workers, changed: usize) {
+        if changed <= self.relaxation.most {
             let columns = self.finest.layout.columns;
             let energy = |column: usize| self.state.energies[column * columns + column];
             self.relaxation.columns.take(self.increment, energy);
