@@ -53,7 +53,7 @@ use links::ObjectLinks;
 use parts::Parts;
 use potentials::Potentials;
 use refreshed::{Blocks, Refreshed};
-use relaxation::Relaxation;
+use relaxation::Room;
 use std::sync::atomic::{AtomicBool, Ordering};
 use sums::PIECE;
 
@@ -98,7 +98,7 @@ pub(crate) struct LatticeSolver {
     node: NodeCharges,
     /// Where rows changed, and what is worked on there.
     blocks: Blocks,
-    relaxation: Relaxation,
+    room: Room,
     /// How threads share the planes, and storage for each.
     parts: Parts,
     charges: Vec<Vec<f32>>,
@@ -146,7 +146,7 @@ impl LatticeSolver {
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
             blocks: Blocks::new(&of_nodes, columns),
-            relaxation: Relaxation::new(&of_nodes, &layout),
+            room: Room::new(&of_nodes, &layout),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
             parts,
             workers,
@@ -280,7 +280,7 @@ impl LatticeSolver {
             state,
             node,
             blocks,
-            relaxation,
+            room,
             workers,
             ..
         } = self;
@@ -296,8 +296,6 @@ impl LatticeSolver {
                 potentials.refresh(matrix, row, (place.colour, place.at));
                 if fixed[row] {
                     held.list(&layout, potentials, node, place);
-                } else {
-                    relaxation.list(place, indices[1]);
                 }
                 blocks.list(&of_nodes, place, indices[2]);
             }
@@ -309,19 +307,10 @@ impl LatticeSolver {
         let residuals = || {
             let finest = finest.refresh(arch);
             increment.forget_energies();
-            let mut rows = Refreshed {
-                of_nodes,
-                potentials,
-                links,
-                finest,
-                increment,
-                of_free,
-                state,
-                blocks,
-                relaxation,
-            };
+            let mut rows =
+                Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
             rows.refresh(workers, arch);
-            rows.relax(workers, changed.len());
+            rows.relax(changed);
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };

@@ -11,13 +11,12 @@ use super::links::ObjectLinks;
 use super::parts::places;
 use super::potentials::Potentials;
 use super::precision::{Leaking, Network};
-use super::relaxation::Relaxation;
+use super::relaxation::Room;
 use super::sums::{Equations, Nodes, PIECE, Partial, Sums, hold, total, turn_into_residuals};
 use crate::instructions::EightLanes;
 use crate::solver::operator::State;
 use crate::workers::Workers;
 use pulp::{Simd, WithSimd};
-use std::ops::Range;
 
 /// What changed rows change.
 pub(super) struct Refreshed<'a> {
@@ -29,19 +28,19 @@ pub(super) struct Refreshed<'a> {
     pub(super) of_free: &'a mut [f64],
     pub(super) state: &'a mut State,
     pub(super) blocks: &'a mut Blocks,
-    pub(super) relaxation: &'a mut Relaxation,
+    pub(super) room: &'a mut Room,
 }
 
-/// So many groups of half planes, of one colour each, have their sums, whatever the threads that share them.
+/// So many groups of planes have their sums each, whatever the threads that share them.
 const GROUPS: usize = 8;
 
 /// Fewer blocks are not worth a group.
-const BLOCKS_OF_A_GROUP: usize = 64;
+const BLOCKS_OF_A_GROUP: usize = 256;
 
-/// Blocks of nodes, and room for those of each group.
+/// Blocks of nodes, and room for those of each group of planes.
 #[derive(Clone, Debug)]
 pub(super) struct Blocks {
-    /// Where those of each half plane start, in the order in which they were found: plane by plane both colours.
+    /// Where those of each plane start, in the order in which they were found.
     starts: Vec<Vec<StoredPlace>>,
     /// By colour and place of the first node in whole blocks.
     is_listed: Coloured<bool>,
@@ -81,7 +80,7 @@ impl Blocks {
     pub(super) fn new(of_nodes: &Layout, columns: usize) -> Self {
         let flags = || vec![false; of_nodes.len().div_ceil(BLOCK)];
         Self {
-            starts: vec![Vec::new(); 2 * of_nodes.counts[2]],
+            starts: vec![Vec::new(); of_nodes.counts[2]],
             is_listed: [flags(), flags()],
             rooms: vec![GroupRoom::new(columns)],
         }
@@ -101,7 +100,7 @@ impl Blocks {
         let within = (at - plane.start) % BLOCK;
         let (at, first) = (at - within, first - within);
         if !std::mem::replace(&mut self.is_listed[colour][at / BLOCK], true) {
-            self.starts[2 * k + colour].push(Place { colour, at, first }.stored());
+            self.starts[k].push(Place { colour, at, first }.stored());
         }
     }
 
@@ -197,20 +196,15 @@ impl Blocks {
                 count += starts[end].len();
                 end += 1;
             }
-            let half_planes = std::mem::replace(&mut first, end)..end;
-            (!half_planes.is_empty()).then_some(half_planes)
+            let planes = std::mem::replace(&mut first, end)..end;
+            (!planes.is_empty()).then_some(planes)
         });
         let mut r = r.each_mut().map(|r| &mut r[..]);
-        let tasks = groups.zip(rooms).map(move |(half_planes, room)| {
-            // Of one colour those with even numbers, of the other those with odd ones.
-            let planes =
-                [0, 1].map(|colour| (half_planes.start + 1 - colour) / 2..(half_planes.end + 1 - colour) / 2);
-            let places = planes.map(|planes| places(&equations.layout, planes));
-            let counts = places.each_ref().map(Range::len);
-            let followed = followed.as_mut().map(|followed| followed.cut_off(counts));
-            let r = cut_off(&mut r, counts);
-            let first = places.map(|places| places.start);
-            BlocksOfGroup { equations, x, starts: &starts[half_planes], first, r, followed, room }
+        let tasks = groups.zip(rooms).map(move |(planes, room)| {
+            let places = places(&equations.layout, planes.clone());
+            let followed = followed.as_mut().map(|followed| followed.cut_off(places.len()));
+            let r = cut_off(&mut r, places.len());
+            BlocksOfGroup { equations, x, starts: &starts[planes], first: places.start, r, followed, room }
         });
         match sums {
             [sums] => tasks.for_each(|of| arch.dispatch(Blockwise { of, sums: &mut *sums })),
@@ -226,15 +220,15 @@ struct Followed<'a, T> {
 }
 
 impl<'a, T> Followed<'a, T> {
-    /// Takes so many charges of each colour off.
-    fn cut_off(&mut self, counts: [usize; 2]) -> Self {
-        Self { fields: self.fields, charges: cut_off(&mut self.charges, counts) }
+    /// Takes so many charges of either colour off.
+    fn cut_off(&mut self, count: usize) -> Self {
+        Self { fields: self.fields, charges: cut_off(&mut self.charges, count) }
     }
 }
 
-/// Takes so many numbers of each colour off.
-fn cut_off<'a>([red, black]: &mut [&'a mut [f32]; 2], counts: [usize; 2]) -> [&'a mut [f32]; 2] {
-    [(red, counts[0]), (black, counts[1])].map(|(of, count)| of.split_off_mut(..count).unwrap_or_default())
+/// Takes so many numbers of either colour off.
+fn cut_off<'a>(of: &mut [&'a mut [f32]; 2], count: usize) -> [&'a mut [f32]; 2] {
+    of.each_mut().map(|of| of.split_off_mut(..count).unwrap_or_default())
 }
 
 /// Residuals in blocks, and by how much sums changed.
@@ -244,13 +238,13 @@ struct Blockwise<'a, K: Network> {
     sums: &'a mut Sums<K::Value>,
 }
 
-/// The blocks of some half planes.
+/// The blocks of some planes.
 struct BlocksOfGroup<'a, K: Network> {
     equations: &'a Equations<'a, K>,
     x: &'a Coloured<K::Value>,
     starts: &'a [Vec<StoredPlace>],
-    /// The first place of each colour in what follows, which is of these half planes.
-    first: [usize; 2],
+    /// The first place of what follows, which is of these planes.
+    first: usize,
     r: [&'a mut [f32]; 2],
     followed: Option<Followed<'a, K::Value>>,
     room: &'a mut GroupRoom,
@@ -287,7 +281,7 @@ impl<K: Network> Blockwise<'_, K> {
         let (x, r) = (if nodes.colour == RED { red } else { black }, &mut *r[nodes.colour]);
         for (t, of_column) in of_block.iter_mut().enumerate() {
             let at = nodes.within(&equations.layout, t).start;
-            let (x, r) = (&x[at..at + BLOCK], &mut r[at - first[nodes.colour]..][..BLOCK]);
+            let (x, r) = (&x[at..at + BLOCK], &mut r[at - *first..][..BLOCK]);
             let [before, now] = &mut of_column.residual;
             of_column.potential = widened(x);
             before.copy_from_slice(r);
@@ -309,7 +303,7 @@ impl<K: Network> Blockwise<'_, K> {
         let (d, q) = (if nodes.colour == RED { red } else { black }, &mut *charges[nodes.colour]);
         for (t, of_column) in of_block.iter_mut().enumerate() {
             let at = nodes.within(&equations.layout, t).start;
-            let q = &mut q[at - first[nodes.colour]..][..BLOCK];
+            let q = &mut q[at - *first..][..BLOCK];
             let [before, now] = &mut of_column.charge;
             K::round(&mut of_column.increment, &d[at..at + BLOCK]);
             before.copy_from_slice(q);

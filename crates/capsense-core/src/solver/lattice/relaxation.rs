@@ -9,19 +9,12 @@
 //! Sweeps change nothing but potentials and residuals, which are taken out of the vectors for that, four columns side by
 //! side. The rest follows once from what they were and what they have become. With C, the change of the fields, r becomes
 //! r - K C; so, K being symmetric, products with r change by products with C, which is zero at all but the relaxed nodes.
-//!
-//! Nodes on either side of a plane across y are not beside each other, so two threads share them, and those in the plane come
-//! last. Where that is depends on which nodes changed, not on the threads.
 
 use super::charges::{Place, StoredPlace};
 use super::groups::{GROUP, Group};
-use super::increment::Increment;
 use super::layout::{Coloured, Layout};
 use super::level::Level;
-use super::links::ObjectLinks;
-use super::potentials::Potentials;
 use super::refreshed::Refreshed;
-use crate::workers::Workers;
 use glam::{DVec4, Vec4};
 
 /// How often the nodes are gone through at most, and what part of any column's energy that must have taken to be done again.
@@ -34,46 +27,14 @@ const LEAST_GAIN: f32 = 3e-5;
 /// Where more than one node in so many has changed, the fields are another scene's.
 const FEW: usize = 8;
 
-/// Fewer nodes are not worth a second thread, and so few in all of the lattice never are.
-const WORTH_SHARING: usize = 256;
-const NEVER_SHARED: usize = 20_000;
-
-/// The free nodes that changed, and what they are relaxed with.
-#[derive(Clone, Debug)]
-pub(super) struct Relaxation {
-    columns: Columns,
-    /// Where they are, each with its index along y; and how many have that.
-    changed: Vec<(StoredPlace, u32)>,
-    at_y: Vec<u32>,
-    /// If more than this change, none are relaxed.
-    most: usize,
-    /// Of the nodes before and behind a plane, if they are to be shared.
-    rooms: Vec<Room>,
-}
-
-/// Groups of columns, how far the fields will go along their last change, and one over their energies.
-#[derive(Clone, Debug)]
-struct Columns {
-    groups: Vec<Group>,
-    ahead: Vec<Vec4>,
-    per_energy: Vec<Vec4>,
-}
-
-/// What nodes are relaxed by.
-struct Rule<'a> {
-    of_nodes: &'a Layout,
-    finest: &'a Level,
-    potentials: &'a Potentials,
-    links: &'a ObjectLinks,
-    columns: &'a Columns,
-    /// A node that takes no more than this part of any column's energy is left as it is.
-    least: f32,
-}
-
 /// Nodes that may be relaxed and those beside them, taken out of the vectors. All groups of columns of a node are one after
 /// the other.
 #[derive(Clone, Debug)]
-struct Room {
+pub(super) struct Room {
+    groups: Vec<Group>,
+    /// How far the fields will go along their last change, and one over their energies.
+    ahead: Vec<Vec4>,
+    per_energy: Vec<Vec4>,
     /// The free ones among the nodes that changed, which have the first numbers.
     nodes: Vec<Node>,
     relaxed: Vec<Relaxed>,
@@ -134,103 +95,23 @@ struct Change {
     of_increment: Vec4,
 }
 
-impl Relaxation {
-    /// No nodes. Layouts are those of numbers which are there once for each node, and of vectors.
-    pub(super) fn new(of_nodes: &Layout, layout: &Layout) -> Self {
-        let (groups, nodes) = (Group::all(layout), layout.counts.into_iter().product::<usize>());
-        let rooms = if nodes < NEVER_SHARED { 1 } else { 2 };
-        Self {
-            changed: Vec::new(),
-            at_y: vec![0; layout.counts[1]],
-            most: nodes / FEW,
-            rooms: vec![Room::new(of_nodes, groups.len()); rooms],
-            columns: Columns::new(groups),
-        }
-    }
-
-    /// Lists a free node that changed, with its index along y.
-    pub(super) fn list(&mut self, place: Place, y: usize) {
-        if self.changed.len() <= self.most {
-            self.changed.push((place.stored(), y as u32));
-            self.at_y[y] += 1;
-        }
-    }
-
-    /// Where the plane is on whose sides nodes are relaxed by one thread each: where these then have the least to do one after
-    /// the other.
-    fn plane_between(&self) -> Option<u32> {
-        let all = self.changed.len() as u32;
-        if self.changed.len() < WORTH_SHARING || self.rooms.len() < 2 {
-            return None;
-        }
-        let mut before = 0;
-        let one_after_the_other = self.at_y.iter().map(|&within| {
-            let behind = all - before - within;
-            let most = before.max(behind) + within;
-            before += within;
-            most
-        });
-        let least = (0..).zip(one_after_the_other).min_by_key(|&(_, most)| most);
-        least.filter(|&(_, most)| most < all).map(|(y, _)| y)
-    }
-}
-
-impl Columns {
-    fn new(groups: Vec<Group>) -> Self {
-        let zeros = vec![Vec4::ZERO; groups.len()];
-        Self { ahead: zeros.clone(), per_energy: zeros, groups }
-    }
-
-    /// Takes their energies, and how far their fields will go.
-    fn take(&mut self, increment: &Increment, energy: impl Fn(usize) -> f64) {
-        let Self { groups, ahead, per_energy } = self;
-        for (group, (ahead, per_energy)) in groups.iter().zip(ahead.iter_mut().zip(per_energy)) {
-            *ahead = group.of_columns(|column| increment.length(column, energy(column)) as f32);
-            *per_energy = group.of_columns(|column| energy(column).recip() as f32);
-        }
-    }
-}
-
 impl Room {
-    /// `of_nodes` is the layout of numbers which are there once for each node.
-    fn new(of_nodes: &Layout, groups: usize) -> Self {
+    /// Layouts are those of numbers which are there once for each node, and of vectors.
+    pub(super) fn new(of_nodes: &Layout, layout: &Layout) -> Self {
+        let groups = Group::all(layout);
+        let zeros = vec![Vec4::ZERO; groups.len()];
         Self {
+            ahead: zeros.clone(),
+            per_energy: zeros,
             nodes: Vec::new(),
             relaxed: Vec::new(),
             fields: Vec::new(),
             places: Vec::new(),
             residuals: Vec::new(),
             numbers: of_nodes.zeros(),
-            changes: vec![Change::default(); groups],
-            products: vec![[DVec4::ZERO; 2]; groups * groups * GROUP],
-        }
-    }
-
-    /// Relaxes some nodes, in the room alone.
-    fn relax(&mut self, rule: &Rule<'_>, nodes: impl Iterator<Item = StoredPlace>) {
-        self.take(rule, nodes);
-        for _ in 0..SWEEPS {
-            if self.sweep(rule) <= WORTH_AGAIN {
-                break;
-            }
-        }
-        for relaxed in 0..self.relaxed.len() {
-            self.look_at_change(relaxed, rule.columns.groups.len());
-            self.multiply();
-        }
-    }
-
-    /// Takes nodes into the room.
-    fn take(&mut self, rule: &Rule<'_>, nodes: impl Iterator<Item = StoredPlace>) {
-        self.places.push(Place { colour: 0, at: 0, first: 0 }.stored());
-        self.residuals.resize(rule.columns.groups.len(), Residual::default());
-        for place in nodes.map(StoredPlace::get) {
-            let inverse = rule.finest.stencil.centre[place.colour][place.at];
-            let is_there = self.numbers[place.colour][place.at] != 0;
-            if inverse != 0.0 && !is_there {
-                self.enter(rule, place);
-                self.nodes.push(Node { inverse, relaxed: None });
-            }
+            changes: vec![Change::default(); groups.len()],
+            products: vec![[DVec4::ZERO; 2]; groups.len() * groups.len() * GROUP],
+            groups,
         }
     }
 
@@ -250,19 +131,19 @@ impl Room {
 
     /// The number of a free node, which gets one if it has none.
     #[inline(always)]
-    fn number(&mut self, rule: &Rule<'_>, place: Place) -> u32 {
+    fn number(&mut self, finest: &Level, place: Place) -> u32 {
         let number = self.numbers[place.colour][place.at];
-        if number != 0 { number } else { self.enter(rule, place) }
+        if number != 0 { number } else { self.enter(finest, place) }
     }
 
     /// Gives a free node the next number.
-    fn enter(&mut self, rule: &Rule<'_>, place: Place) -> u32 {
-        let Level { b, charges, .. } = rule.finest;
+    fn enter(&mut self, finest: &Level, place: Place) -> u32 {
+        let Level { b, charges, .. } = finest;
         let number = self.places.len() as u32;
         self.numbers[place.colour][place.at] = number;
         self.places.push(place.stored());
         let (b, charges) = (&b[place.colour], &charges[place.colour]);
-        for group in &rule.columns.groups {
+        for group in &self.groups {
             let now = Vec4::from_array(group.gather(b, place.first));
             let of_increment = Vec4::from_array(group.gather(charges, place.first));
             self.residuals.push(Residual { now, before: now, of_increment });
@@ -270,25 +151,11 @@ impl Room {
         number
     }
 
-    /// Relaxes all nodes that take more than such a part of energies, one after the other. Returns what part all of them took.
-    fn sweep(&mut self, rule: &Rule<'_>) -> f32 {
-        let mut gained = 0.0;
-        for index in 0..self.nodes.len() {
-            let gain = self.gain(rule.columns, index);
-            if gain > rule.least {
-                let relaxed = self.nodes[index].relaxed.unwrap_or_else(|| self.meet(rule, index));
-                self.relax_one(rule.columns, index, relaxed as usize);
-                gained += gain;
-            }
-        }
-        gained
-    }
-
     /// What relaxing a node takes from the energy of a column, as a part of that: the most of any.
-    fn gain(&self, columns: &Columns, index: usize) -> f32 {
-        let (inverse, groups) = (self.nodes[index].inverse, columns.groups.len());
+    fn gain(&self, index: usize) -> f32 {
+        let (inverse, groups) = (self.nodes[index].inverse, self.ahead.len());
         let residuals = &self.residuals[(index + 1) * groups..][..groups];
-        let (ahead, per_energy) = (&columns.ahead[..groups], &columns.per_energy[..groups]);
+        let (ahead, per_energy) = (&self.ahead[..groups], &self.per_energy[..groups]);
         let mut most = Vec4::ZERO;
         for group in 0..groups {
             let residual = residuals[group].now - ahead[group] * residuals[group].of_increment;
@@ -298,70 +165,20 @@ impl Room {
         most.max_element()
     }
 
-    /// Takes the potential of a node that is to be relaxed, and what is around it. Returns how many others it is behind.
-    fn meet(&mut self, rule: &Rule<'_>, index: usize) -> u32 {
-        let &Rule { of_nodes, finest, potentials, links, columns, .. } = rule;
-        let (place, groups) = (self.places[index + 1].get(), columns.groups.len());
-        let (layout, other) = (finest.layout, 1 - place.colour);
-        let (number, first) = (self.relaxed.len() as u32, self.fields.len());
-        for group in &columns.groups {
-            let now = if potentials.is_single() {
-                potentials.gather(group, place.colour, place.first)
-            } else {
-                Vec4::ZERO
-            };
-            let held = group.of_columns(|column| links.pull(column, layout.columns, place) as f32);
-            self.fields.push(Field { now, before: now, held });
-        }
-        let (mut beside, mut weights) = ([0; 6], finest.stencil.weights(place.colour, place.at));
-        let around = of_nodes.around(place.colour, place.at);
-        let in_vectors = layout.around(place.colour, place.first);
-        for side in 0..6 {
-            let place = Place { colour: other, at: around[side], first: in_vectors[side] };
-            if finest.stencil.centre[other][place.at] != 0.0 {
-                beside[side] = self.number(rule, place) * groups as u32;
-                continue;
-            }
-            for (group, field) in columns.groups.iter().zip(&mut self.fields[first..]) {
-                field.held += weights[side] * potentials.gather(group, other, place.first);
-            }
-            weights[side] = 0.0;
-        }
-        let node = &mut self.nodes[index];
-        node.relaxed = Some(number);
-        self.relaxed.push(Relaxed { node: index as u32, diagonal: node.inverse.recip(), beside, weights });
-        number
-    }
-
     /// Potential and residual of a node, and the residuals beside it.
-    fn relax_one(&mut self, columns: &Columns, index: usize, relaxed: usize) {
-        let Self { nodes, fields, residuals, .. } = self;
-        let (inverse, node, groups) = (nodes[index].inverse, &self.relaxed[relaxed], columns.groups.len());
-        for (group, &ahead) in columns.ahead.iter().enumerate() {
+    fn relax(&mut self, index: usize, relaxed: usize) {
+        let Self { groups, ahead, nodes, fields, residuals, .. } = self;
+        let (inverse, node, groups) = (nodes[index].inverse, &self.relaxed[relaxed], groups.len());
+        for group in 0..groups {
             let residual = &mut residuals[(index + 1) * groups + group];
             let field = &mut fields[relaxed * groups + group];
-            let potential = field.now + (residual.now - ahead * residual.of_increment) * inverse;
+            let potential = field.now + (residual.now - ahead[group] * residual.of_increment) * inverse;
             let change = potential - field.now;
             field.now = potential;
             residual.now -= change * node.diagonal;
             for (&beside, weight) in node.beside.iter().zip(node.weights) {
                 residuals[beside as usize + group].now += change * weight;
             }
-        }
-    }
-
-    /// Takes what was changed at a node that was relaxed.
-    fn look_at_change(&mut self, relaxed: usize, groups: usize) {
-        let number = self.relaxed[relaxed].node as usize + 1;
-        for (group, change) in self.changes.iter_mut().enumerate() {
-            let field = &self.fields[relaxed * groups + group];
-            let residual = &self.residuals[number * groups + group];
-            *change = Change {
-                potential: field.now - field.before,
-                residual: residual.before,
-                charge: field.held - residual.now,
-                of_increment: residual.of_increment,
-            };
         }
     }
 
@@ -384,75 +201,124 @@ impl Room {
 }
 
 impl Refreshed<'_> {
-    /// Relaxes the free ones of so many nodes that changed, those that are listed, and lists none any more.
-    pub(super) fn relax(&mut self, workers: &Workers, changed: usize) {
-        if changed <= self.relaxation.most {
-            let columns = self.finest.layout.columns;
-            let energy = |column: usize| self.state.energies[column * columns + column];
-            self.relaxation.columns.take(self.increment, energy);
-            match self.relaxation.plane_between() {
-                None => self.relax_where(|_| true),
-                Some(plane) => {
-                    self.relax_beside(plane, workers);
-                    self.relax_where(|y| y == plane);
-                }
+    /// Relaxes those of some nodes that are free.
+    pub(super) fn relax(&mut self, nodes: &[u32]) {
+        let layout = self.finest.layout;
+        if FEW * nodes.len() > layout.counts.into_iter().product() {
+            return;
+        }
+        self.list(nodes);
+        let least = LEAST_GAIN / self.room.nodes.len().max(1) as f32;
+        for _ in 0..SWEEPS {
+            if self.sweep(least) <= WORTH_AGAIN {
+                break;
             }
         }
-        self.relaxation.changed.clear();
-        self.relaxation.at_y.fill(0);
+        self.follow_potentials();
+        self.follow_residuals();
+        self.room.clear();
     }
 
-    /// Relaxes the nodes on either side of a plane.
-    fn relax_beside(&mut self, plane: u32, workers: &Workers) {
-        let (rule, changed, rooms) = self.rule();
-        let [first, second] = rooms else { return };
-        let before = || first.relax(&rule, places(changed, |y| y < plane));
-        let behind = || second.relax(&rule, places(changed, |y| y > plane));
-        workers.both(before, behind);
-        (0..2).for_each(|room| self.follow(room));
+    /// Takes the nodes that are free.
+    fn list(&mut self, nodes: &[u32]) {
+        let Self { of_nodes, finest, increment, state, room, .. } = self;
+        let (layout, finest) = (finest.layout, &**finest);
+        let energy = |column: usize| state.energies[column * layout.columns + column];
+        let own = room.groups.iter().zip(room.ahead.iter_mut().zip(&mut room.per_energy));
+        for (group, (ahead, per_energy)) in own {
+            *ahead = group.of_columns(|column| increment.length(column, energy(column)) as f32);
+            *per_energy = group.of_columns(|column| energy(column).recip() as f32);
+        }
+        room.places.push(Place { colour: 0, at: 0, first: 0 }.stored());
+        room.residuals.resize(room.groups.len(), Residual::default());
+        for &node in nodes {
+            let place = Place::of(node as usize, of_nodes, &layout);
+            let inverse = finest.stencil.centre[place.colour][place.at];
+            let is_listed = room.numbers[place.colour][place.at] != 0;
+            if inverse != 0.0 && !is_listed {
+                room.enter(finest, place);
+                room.nodes.push(Node { inverse, relaxed: None });
+            }
+        }
     }
 
-    /// Relaxes nodes with such indices along y.
-    fn relax_where(&mut self, is_meant: impl Fn(u32) -> bool) {
-        let (rule, changed, rooms) = self.rule();
-        rooms[0].relax(&rule, places(changed, is_meant));
-        self.follow(0);
+    /// Relaxes all nodes that take more than such a part of energies, one after the other. Returns what part all of them took.
+    fn sweep(&mut self, least: f32) -> f32 {
+        let mut gained = 0.0;
+        for index in 0..self.room.nodes.len() {
+            let gain = self.room.gain(index);
+            if gain > least {
+                let relaxed = self.room.nodes[index].relaxed.unwrap_or_else(|| self.meet(index));
+                self.room.relax(index, relaxed as usize);
+                gained += gain;
+            }
+        }
+        gained
     }
 
-    fn rule(&mut self) -> (Rule<'_>, &[(StoredPlace, u32)], &mut [Room]) {
-        let Self { of_nodes, potentials, links, finest, relaxation, .. } = self;
-        let Relaxation { columns, changed, rooms, .. } = &mut **relaxation;
-        let least = LEAST_GAIN / changed.len().max(1) as f32;
-        (Rule { of_nodes, finest, potentials, links, columns, least }, changed, rooms)
-    }
-
-    /// Hands over what was relaxed in a room.
-    fn follow(&mut self, room: usize) {
-        self.follow_potentials(room);
-        self.follow_residuals(room);
-        self.relaxation.rooms[room].clear();
+    /// Takes the potential of a node that is to be relaxed, and what is around it. Returns how many others it is behind.
+    fn meet(&mut self, index: usize) -> u32 {
+        let Self { of_nodes, finest, potentials, links, room, .. } = self;
+        let (finest, place, groups) = (&**finest, room.places[index + 1].get(), room.groups.len());
+        let (layout, other) = (finest.layout, 1 - place.colour);
+        let (number, first) = (room.relaxed.len() as u32, room.fields.len());
+        for group in &room.groups {
+            let now = if potentials.is_single() {
+                potentials.gather(group, place.colour, place.first)
+            } else {
+                Vec4::ZERO
+            };
+            let held = group.of_columns(|column| links.pull(column, layout.columns, place) as f32);
+            room.fields.push(Field { now, before: now, held });
+        }
+        let (mut beside, mut weights) = ([0; 6], finest.stencil.weights(place.colour, place.at));
+        let around = of_nodes.around(place.colour, place.at);
+        let in_vectors = layout.around(place.colour, place.first);
+        for side in 0..6 {
+            let place = Place { colour: other, at: around[side], first: in_vectors[side] };
+            if finest.stencil.centre[other][place.at] != 0.0 {
+                beside[side] = room.number(finest, place) * groups as u32;
+                continue;
+            }
+            for (group, field) in room.groups.iter().zip(&mut room.fields[first..]) {
+                field.held += weights[side] * potentials.gather(group, other, place.first);
+            }
+            weights[side] = 0.0;
+        }
+        let node = &mut room.nodes[index];
+        node.relaxed = Some(number);
+        room.relaxed.push(Relaxed { node: index as u32, diagonal: node.inverse.recip(), beside, weights });
+        number
     }
 
     /// Hands over potentials, and what changed with them.
-    fn follow_potentials(&mut self, room: usize) {
-        let Self { finest, potentials, increment, of_free, relaxation, .. } = self;
-        let (room, groups) = (&relaxation.rooms[room], &relaxation.columns.groups);
-        let columns = finest.layout.columns;
-        for (relaxed, fields) in room.relaxed.iter().zip(room.fields.chunks_exact(groups.len())) {
-            let place @ Place { colour, first, .. } = room.places[relaxed.node as usize + 1].get();
-            for (at, (group, field)) in groups.iter().zip(fields).enumerate() {
-                potentials.move_to(group, colour, first, field.now);
+    fn follow_potentials(&mut self) {
+        let Self { finest, potentials, increment, of_free, room, .. } = self;
+        let (layout, groups) = (finest.layout, room.groups.len());
+        for relaxed in 0..room.relaxed.len() {
+            let number = room.relaxed[relaxed].node as usize + 1;
+            let place @ Place { colour, first, .. } = room.places[number].get();
+            for group in 0..groups {
+                let field = &room.fields[relaxed * groups + group];
+                let residual = &room.residuals[number * groups + group];
+                room.changes[group] = Change {
+                    potential: field.now - field.before,
+                    residual: residual.before,
+                    charge: field.held - residual.now,
+                    of_increment: residual.of_increment,
+                };
+                potentials.move_to(&room.groups[group], colour, first, field.now);
                 if potentials.is_single() {
-                    increment.relaxed.note(place, at, field.now - field.before);
+                    increment.relaxed.note(place, group, field.now - field.before);
                 }
             }
+            room.multiply();
         }
-        for s in 0..columns {
-            for t in 0..columns {
-                let products = &room.products[s * groups.len() + t / GROUP];
-                let [energy, with_residual] = products.map(|of| of[t % GROUP]);
+        for s in 0..layout.columns {
+            for t in 0..layout.columns {
+                let [energy, with_residual] = room.products[s * groups + t / GROUP].map(|of| of[t % GROUP]);
                 if s <= t {
-                    of_free[s * columns + t] += energy;
+                    of_free[s * layout.columns + t] += energy;
                 }
                 if increment.is_known {
                     increment.sums.add_with_residual([s, t], -with_residual);
@@ -461,25 +327,22 @@ impl Refreshed<'_> {
         }
     }
 
-    /// Hands over residuals, and what changed with them. Beside the plane between two rooms both have a part in them.
-    fn follow_residuals(&mut self, room: usize) {
-        let Self { finest, increment, state, relaxation, .. } = self;
-        let (room, groups) = (&relaxation.rooms[room], &relaxation.columns.groups);
-        for (at, group) in groups.iter().enumerate() {
+    /// Hands over residuals, and what changed with them.
+    fn follow_residuals(&mut self) {
+        let Self { finest, increment, state, room, .. } = self;
+        let groups = room.groups.len();
+        for (at, group) in room.groups.iter().enumerate() {
             let (mut squares, mut crossed) = (DVec4::ZERO, DVec4::ZERO);
-            let residuals = room.residuals[at..].iter().step_by(groups.len());
+            let residuals = room.residuals[at..].iter().step_by(groups);
             for (place, residual) in room.places.iter().zip(residuals).skip(1) {
                 if residual.now == residual.before {
                     continue;
                 }
-                let Place { colour, first, .. } = place.get();
-                let b = &mut finest.b[colour];
-                let before = Vec4::from_array(group.gather(b, first));
-                let now = residual.now + (before - residual.before);
-                group.scatter(b, first, now);
-                let (now, before) = (now.as_dvec4(), before.as_dvec4());
+                let (now, before) = (residual.now.as_dvec4(), residual.before.as_dvec4());
                 squares += now * now - before * before;
                 crossed += residual.of_increment.as_dvec4() * (now - before);
+                let Place { colour, first, .. } = place.get();
+                group.scatter(&mut finest.b[colour], first, residual.now);
             }
             for (lane, column) in group.columns().enumerate() {
                 state.residual[column] += squares[lane];
@@ -489,12 +352,4 @@ impl Refreshed<'_> {
             }
         }
     }
-}
-
-/// Where those of the nodes that changed are which have such indices along y.
-fn places(
-    changed: &[(StoredPlace, u32)],
-    is_meant: impl Fn(u32) -> bool,
-) -> impl Iterator<Item = StoredPlace> {
-    changed.iter().filter(move |(_, y)| is_meant(*y)).map(|(place, _)| *place)
 }
