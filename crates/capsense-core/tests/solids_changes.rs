@@ -139,16 +139,17 @@ proptest! {
             [without_lattice(&lattice), with_moved_nodes(&lattice), lattice]
         });
         let mut dice = Dice(seed);
-        let shapes = all_shapes();
-        let shapes: Vec<_> = (0..3).map(|_| shapes[dice.below(shapes.len())].clone()).collect();
         let with_conductors =
             [dielectric(4.0), conductor(Connection::Grounded), conductor(Connection::Floating)];
         let dielectrics = [dielectric(4.0), dielectric(2.5), dielectric(30.0)];
         let strong = [dielectric(80.0), dielectric(30.0), dielectric(1e4)];
-        let materials = [with_conductors, dielectrics, strong][dice.below(3)];
+        // A conductor alone: elements do not scale their negative weights then.
+        let materials = [&with_conductors[..], &dielectrics, &strong, &with_conductors[1..2]][dice.below(4)];
+        let shapes = all_shapes();
+        let shapes: Vec<_> = materials.iter().map(|_| shapes[dice.below(shapes.len())].clone()).collect();
         let mut solids = Solids::new(&shapes).unwrap();
-        let mut poses = vec![Pose::IDENTITY; 3];
-        let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(sensor, &materials));
+        let mut poses = vec![Pose::IDENTITY; shapes.len()];
+        let mut updaters = MESHES.each_ref().map(|sensor| Updater::new(sensor, materials));
         for _ in 0..8 {
             for pose in &mut poses {
                 let step = match dice.below(4) {
@@ -164,7 +165,7 @@ proptest! {
                 }
             }
             solids.place(&poses).unwrap();
-            let image = (dice.below(6) == 0).then(|| depth_of_boxes([24, 24], &[bar(0.05, 0.0); 3]));
+            let image = (dice.below(6) == 0).then(|| depth_of_boxes([24, 24], &vec![bar(0.05, 0.0); shapes.len()]));
             for updater in &mut updaters {
                 let surfaces: &dyn Surfaces = image.as_ref().map_or(&solids, |image| image);
                 updater.step_checked(surfaces);

@@ -21,9 +21,10 @@ pub(crate) struct Bins {
     low: DVec3,
     bins_per_metre: DVec3,
     last: USizeVec3,
-    /// Bin b holds `boxes[starts[b]..starts[b + 1]]`, each with what it is about, so that most of those that do not touch a region
-    /// are passed over without a look at where they are exactly.
+    /// Bin b holds `boxes[starts[b]..starts[b + 1]]`.
     starts: Vec<u32>,
+    /// By their numbers, each with what it is about, so that most of those that do not touch a region are passed over without a look
+    /// at where they are exactly.
     boxes: Vec<(About, u32)>,
 }
 
@@ -110,6 +111,44 @@ impl Bins {
                     visit((z * (self.last.y + 1) + y) * (self.last.x + 1) + x);
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Also where single precision has no such numbers.
+    #[test]
+    fn boxes_that_touch_do_so_in_single_precision() {
+        let numbers = [0.0, 0.1, 1.0 + 1e-12, 3e-320, 1e-45, 1e300, f64::INFINITY];
+        for x in numbers.into_iter().flat_map(|x| [x, -x]) {
+            let below = Aabb { min: DVec3::splat(-f64::INFINITY), max: DVec3::splat(x) };
+            let above = Aabb { min: DVec3::splat(x), max: DVec3::splat(f64::INFINITY) };
+            let [below, above] = [below, above].map(|of| About::around(&of));
+            assert!(below.touches(&above) && above.touches(&below), "{x}");
+        }
+        let apart = [0.1, 0.2].map(|x| About::around(&Aabb { min: DVec3::splat(x), max: DVec3::splat(x) }));
+        assert!(!apart[0].touches(&apart[1]));
+    }
+
+    #[test]
+    fn all_that_touches_a_region_is_found() {
+        let place =
+            |number: usize| DVec3::new(number as f64 % 7.0, (number / 7) as f64 % 7.0, (number / 49) as f64);
+        let bounds = |number: usize| Aabb { min: 0.1 * place(number), max: 0.1 * place(number) + 0.1 };
+        let bins = Bins::new(343, bounds);
+        for number in 0..343 {
+            // From a corner that eight boxes have in common.
+            let region = Aabb { min: 0.1 * place(number), max: 0.1 * place(number) + 0.02 };
+            let mut found = Vec::new();
+            bins.for_boxes_near(&region, |number| found.push(number as usize));
+            let touching = (0..343).filter(|&number| bounds(number).intersects(&region));
+            touching.for_each(|number| assert!(found.contains(&number), "{number} of {found:?}"));
+            found.sort_unstable();
+            found.dedup();
+            assert!(found.len() <= 27, "{found:?}");
         }
     }
 }

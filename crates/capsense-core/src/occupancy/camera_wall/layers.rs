@@ -49,17 +49,17 @@ impl RayLayers {
             lattice.for_rows_of(&[x.clone(), y.clone(), 0..1], |columns| self.near.insert_all(columns));
         }
         let Self { faces, near, .. } = self;
-        let (mut rest, mut first) = (&mut faces[..], 0);
+        let (mut rest, mut next) = (&mut faces[..], 0);
         let parts = IndexSet::cut([near], workers.tasks(TASKS_OF_A_THREAD)).map(|part| {
-            let before = std::mem::replace(&mut first, part.end().min(columns));
-            let faces = rest.split_off_mut(..(first - before) * objects).unwrap_or_default();
-            (part, before, faces)
+            let first = std::mem::replace(&mut next, part.end().min(columns));
+            let of_part = rest.split_off_mut(..(next - first) * objects).unwrap_or_default();
+            (part, first, of_part)
         });
-        workers.for_each(parts, |(part, first, faces)| {
-            part.drain_runs(|columns| {
-                let of_run = faces[(columns.start - first) * objects..].chunks_exact_mut(objects);
-                for (faces, column) in of_run.zip(columns) {
-                    for (object, faces) in faces.iter_mut().enumerate() {
+        workers.for_each(parts, |(part, first, of_part)| {
+            part.drain_runs(|run| {
+                let of_run = of_part[(run.start - first) * objects..].chunks_exact_mut(objects.max(1));
+                for (of_column, column) in of_run.zip(run) {
+                    for (object, faces) in of_column.iter_mut().enumerate() {
                         let found = scene.surfaces.layer_at(object, scene.mesh.nodes[column]);
                         *faces = found.unwrap_or(MISSED);
                     }

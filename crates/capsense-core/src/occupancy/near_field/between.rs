@@ -77,7 +77,7 @@ impl Scene<'_> {
             (None, KnownField::Edges(angles)) => {
                 let Some(angle) = angles.nearest(from) else { return 0.0 };
                 let mut place = Places::<1>::ORIGIN;
-                place.set(0, angle.coordinates(to));
+                place.set(0, angle.coordinates()(to));
                 place.potentials(angle.radius)
             }
             _ => return 0.0,

@@ -21,14 +21,17 @@ pub struct RightAngle {
 }
 
 impl RightAngle {
-    /// Where a point is: how far before either face, and along the edge.
-    pub(in super::super) fn coordinates(&self, point: DVec3) -> [f64; 3] {
-        let [p, q] = self.before(point);
-        [p, q, self.along().dot(point - self.place)]
+    /// Where points are: how far before either face, and along the edge. Along a straight one all places are alike.
+    pub(in super::super) fn coordinates(&self) -> impl Fn(DVec3) -> [f64; 3] {
+        let along = if self.radius.is_finite() { self.along() } else { DVec3::ZERO };
+        move |point| {
+            let [p, q] = self.before(point);
+            [p, q, along.dot(point - self.place)]
+        }
     }
 
     /// How far a point is before either face.
-    pub(in super::super) fn before(&self, point: DVec3) -> [f64; 2] {
+    pub(super) fn before(&self, point: DVec3) -> [f64; 2] {
         self.normals.map(|normal| normal.dot(point - self.place))
     }
 
@@ -148,8 +151,8 @@ mod tests {
             for r in [1e-6, 0.02, 3.0_f64] {
                 let (sine, cosine) = theta.sin_cos();
                 let mut places = Places::<8>::ORIGIN;
-                places.set(0, angle.coordinates(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
-                places.set(1, angle.coordinates(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
+                places.set(0, angle.coordinates()(angle.place + r * DVec3::new(sine, 5.0, -cosine)));
+                places.set(1, angle.coordinates()(angle.place - DVec3::new(r, 0.0, 0.5 * r)));
                 let [found, within, at_edge, ..] = places.potentials(angle.radius);
                 let expected = r.powf(2.0 / 3.0) * (2.0 / 3.0 * theta).sin();
                 assert!(

@@ -15,7 +15,7 @@ pub(super) struct ElementLinks {
     pub(super) ends_in: EndsIn,
     /// With which it is positive semidefinite for certain.
     pub(super) certain: [f64; 4],
-    /// With which it is if all lead to the one conductor that its edges end in.
+    /// With which it is if all lead to the one conductor that its edges end in; what is certain where that is not one.
     pub(super) least: [f64; 4],
 }
 
@@ -35,7 +35,7 @@ impl ElementLinks {
 #[derive(Clone, Debug)]
 pub(super) struct LeastLinks {
     of_elements: Vec<ElementLinks>,
-    /// Whether edges of each end in a conductor.
+    /// Whether edges of each end in a conductor. Most do not, and this is far smaller than what is kept of those that do.
     is_cut: Vec<bool>,
     /// Elements to be looked at again in this frame, and what was found.
     pending: IndexList,

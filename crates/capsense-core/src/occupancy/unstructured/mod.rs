@@ -31,6 +31,7 @@ pub(super) struct Unstructured {
     rule: Vec<Coupling>,
     links: NodeLinks,
     obtuse: ObtuseElements,
+    /// How little the links of nodes may be together, as far as these elements tell.
     least: LeastLinks,
     /// Negative weights that dielectrics are to scale.
     negative: Option<NegativeWeights>,
@@ -89,7 +90,7 @@ impl Unstructured {
     /// Takes what the edge rule makes of an edge; `is_moved` tells that what holds its ends may have changed.
     pub(super) fn take(&mut self, held: HeldEdge, ends: [u32; 2], is_moved: bool, rule: Coupling) {
         let edge = held.edge;
-        self.links.note_ending(held, ends, &rule);
+        self.links.note_leads(held, ends, &rule);
         let before = std::mem::replace(&mut self.rule[edge], rule);
         if !is_moved && rule.is(&before) {
             return;

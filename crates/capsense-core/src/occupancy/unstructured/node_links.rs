@@ -96,9 +96,9 @@ pub(super) struct NodeLinks {
     cell: Vec<f64>,
     /// Where the mesh ends.
     ends: Aabb,
-    /// Which ends of each edge lead into conductors, a bit for each, and how many of each node's edges do.
-    ending: Vec<u8>,
-    ending_at: Vec<u32>,
+    /// From which ends each edge leads into conductors, a bit for each, and how many of each node's edges do from there.
+    leads: Vec<u8>,
+    leads_at: Vec<u32>,
     /// Nodes to be looked at again in this frame, and what becomes of their links.
     pending: IndexList,
     found: Vec<NodeLink>,
@@ -177,8 +177,8 @@ impl NodeLinks {
             carrier: (0..nodes).map(heaviest).collect(),
             cell: volume.into_iter().map(|volume| volume.cbrt().min(longest)).collect(),
             ends: Aabb::around(mesh.nodes().iter().copied()),
-            ending: vec![0; edges.len()],
-            ending_at: vec![0; nodes],
+            leads: vec![0; edges.len()],
+            leads_at: vec![0; nodes],
             pending: IndexList::below(nodes),
             found: Vec::new(),
             near: Vec::new(),
@@ -194,8 +194,8 @@ impl NodeLinks {
         self.pending.insert(node);
     }
 
-    /// Notes which ends of an edge lead into conductors.
-    pub(super) fn note_ending(
+    /// Notes from which ends an edge leads into conductors.
+    pub(super) fn note_leads(
         &mut self,
         HeldEdge { edge, owners }: HeldEdge,
         ends: [u32; 2],
@@ -203,12 +203,12 @@ impl NodeLinks {
     ) {
         let leads = |end: usize| rule.object[end] != NO_OBJECT || owners[1 - end] != NO_OBJECT;
         let now = u8::from(leads(0)) | u8::from(leads(1)) << 1;
-        let before = std::mem::replace(&mut self.ending[edge], now);
+        let before = std::mem::replace(&mut self.leads[edge], now);
         if now != before {
             for (end, node) in ends.into_iter().enumerate() {
                 let [before, now] = [before, now].map(|of| u32::from(of >> end & 1));
-                self.ending_at[node as usize] += now;
-                self.ending_at[node as usize] -= before;
+                self.leads_at[node as usize] += now;
+                self.leads_at[node as usize] -= before;
             }
         }
     }
@@ -271,7 +271,7 @@ impl Unstructured {
         self.links.pending.clear();
     }
 
-    /// How little links may be depends on all edges of elements.
+    /// Finds anew how little links may be, which depends on all edges of elements, and notes the nodes that feel it.
     fn update_least_links(&mut self, workers: &Workers, scene: &Scene<'_>, conductors: &[u16]) {
         let Self { pending, least, obtuse, links, rule, .. } = self;
         pending.numbers().iter().for_each(|&edge| least.look_at(obtuse, edge as usize));
@@ -280,7 +280,7 @@ impl Unstructured {
             (FREE, conductor) => Holder::Conductor(conductor),
             _ => Holder::Sensor,
         };
-        let of_element = |element: u32| obtuse.links(element, rule, holder);
+        let of_element = |element: u32| obtuse.least_links(element, rule, holder);
         least.update(workers, obtuse, of_element, |node| links.pending.insert(node));
     }
 
@@ -369,9 +369,10 @@ impl Unstructured {
 
     /// Sums over the edges of a node that end in conductors.
     fn ending(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> Ending {
+        debug_assert_eq!(self.links.leads_at[node], self.count_leads(scene, node, conductors));
         let mut ending = Ending::NONE;
         let is_mixed_nowhere = || scene.mesh.permittivity.is_uniform() && scene.has_only_conductors();
-        if self.links.ending_at[node] == 0 && self.negative.is_none() && is_mixed_nowhere() {
+        if self.links.leads_at[node] == 0 && self.negative.is_none() && is_mixed_nowhere() {
             return ending;
         }
         let mut background = None;
@@ -403,6 +404,17 @@ impl Unstructured {
         ending
     }
 
+    /// How many edges lead from a node into conductors.
+    fn count_leads(&self, scene: &Scene<'_>, node: usize, conductors: &[u16]) -> u32 {
+        let mut count = 0;
+        scene.mesh.edges.for_edges_at(node, |edge, end| {
+            let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
+            let leads = self.rule[edge].object[end] != NO_OBJECT || conductors[other] != NO_OBJECT;
+            count += u32::from(leads);
+        });
+        count
+    }
+
     /// Visits the neighbours of a node to which edges lead that end in no conductor, with the weights of these.
     fn for_seen_neighbours(
         &self,
@@ -430,12 +442,7 @@ impl Unstructured {
 
     /// The same near a right angle.
     fn at_wedge(&self, scene: &Scene<'_>, node: usize, angle: &RightAngle, conductors: &[u16]) -> f64 {
-        // Along a straight edge all places are alike.
-        let along = if angle.radius.is_finite() { angle.along() } else { DVec3::ZERO };
-        let coordinates = |point: DVec3| {
-            let [p, q] = angle.before(point);
-            [p, q, along.dot(point - angle.place)]
-        };
+        let coordinates = angle.coordinates();
         // The node itself comes first, and weighs nothing.
         let (mut places, mut weights, mut count) = (Places::<AROUND>::ORIGIN, [0.0; AROUND], 1);
         places.set(0, coordinates(scene.mesh.nodes[node]));
@@ -458,6 +465,6 @@ impl Unstructured {
             count += 1;
         });
         add(&places, &weights[..count]);
-        balance.map_or(0.0, |balance| balance.links())
+        balance.as_ref().map_or(0.0, Balance::links)
     }
 }

@@ -37,7 +37,7 @@ pub(super) struct ObtuseElements {
     at_edge: Lists<u32>,
 }
 
-/// A corner of an element.
+/// A corner of an element: four times the element's number and its own.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Corner(u32);
 
@@ -105,7 +105,7 @@ impl ObtuseElements {
     }
 
     /// What the links of an element's corners must be at least. `rule` is what the edge rule makes of edges.
-    pub(super) fn links(
+    pub(super) fn least_links(
         &self,
         element: u32,
         rule: &[Coupling],
