@@ -26,7 +26,8 @@ impl CsrValues {
                 pattern.push(b as usize, a as usize, -weight);
             }
         }
-        let matrix = CsrMatrix::from(&pattern);
+        // A clone has no room to spare, of which there may be as much as is used.
+        let matrix = CsrMatrix::from(&pattern).clone();
         let slot = |row: u32, column: u32| {
             let before = matrix.row_offsets()[row as usize];
             let row = matrix.row(row as usize);

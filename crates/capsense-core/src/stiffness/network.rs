@@ -74,6 +74,9 @@ impl EdgeNetwork {
                 permittivity.push(1.0);
             }
         }
+        drop(contributions);
+        ends.shrink_to_fit();
+        weights.shrink_to_fit();
         Self {
             edges: Edges::List(Box::new(EdgeList::new(ends, mesh.nodes()))),
             weights,

@@ -1,7 +1,8 @@
 //! How little the links of nodes may be together, as far as elements with obtuse angles tell ([`super::obtuse`]): kept for each
 //! element from frame to frame, and computed once where something changed, not once for each node.
 
-use super::obtuse::{EndsIn, ObtuseElements};
+use super::few::Few;
+use super::obtuse::{Corner, EndsIn, ObtuseElements};
 use crate::occupancy::index_set::IndexList;
 use crate::workers::Workers;
 
@@ -34,9 +35,8 @@ impl ElementLinks {
 /// That of all elements.
 #[derive(Clone, Debug)]
 pub(super) struct LeastLinks {
-    of_elements: Vec<ElementLinks>,
-    /// Whether edges of each end in a conductor. Most do not, and this is far smaller than what is kept of those that do.
-    is_cut: Vec<bool>,
+    /// Of those of which edges end in a conductor.
+    of_elements: Few<ElementLinks>,
     /// Elements to be looked at again in this frame, and what was found.
     pending: IndexList,
     found: Vec<ElementLinks>,
@@ -46,8 +46,7 @@ impl LeastLinks {
     /// None, of so many elements.
     pub(super) fn new(elements: usize) -> Self {
         Self {
-            of_elements: vec![ElementLinks::NONE; elements],
-            is_cut: vec![false; elements],
+            of_elements: Few::of(elements, ElementLinks::NONE),
             pending: IndexList::below(elements),
             found: Vec::new(),
         }
@@ -67,7 +66,7 @@ impl LeastLinks {
         links: impl Fn(u32) -> ElementLinks + Sync,
         mut visit: impl FnMut(usize),
     ) {
-        let Self { of_elements, is_cut, pending, found } = self;
+        let Self { of_elements, pending, found } = self;
         let elements = pending.numbers();
         found.resize(elements.len(), ElementLinks::NONE);
         let tasks = elements.chunks(ELEMENTS_OF_A_TASK).zip(found.chunks_mut(ELEMENTS_OF_A_TASK));
@@ -75,14 +74,14 @@ impl LeastLinks {
             found.iter_mut().zip(elements).for_each(|(found, &element)| *found = links(element));
         });
         for (&element, found) in elements.iter().zip(&*found) {
-            of_elements[element as usize] = *found;
-            is_cut[element as usize] = found.ends_in != EndsIn::Nothing;
+            let is_cut = found.ends_in != EndsIn::Nothing;
+            of_elements.set(element as usize, is_cut.then_some(*found));
             obtuse.nodes(element).into_iter().for_each(|node| visit(node as usize));
         }
         pending.clear();
     }
 
-    /// What the links of a free node must be together at least, if what is added or missing leads to an object; `scale` tells by
+    /// What the links of a free node must be together at least, if what is added or missing there leads to an object; `scale` tells by
     /// what each element's weights are multiplied.
     pub(super) fn of_node(
         &self,
@@ -90,9 +89,10 @@ impl LeastLinks {
         (node, object): (usize, u16),
         scale: impl Fn(usize) -> f64,
     ) -> f64 {
-        let corners = obtuse.at_node(node).iter().filter(|corner| self.is_cut[corner.element()]);
-        let links =
-            |element: usize, corner| scale(element) * self.of_elements[element].of_corner(corner, object);
-        corners.map(|corner| links(corner.element(), corner.number())).sum()
+        let links = |corner: &Corner| {
+            let links = self.of_elements.own(corner.element())?;
+            Some(scale(corner.element()) * links.of_corner(corner.number(), object))
+        };
+        obtuse.at_node(node).iter().filter_map(links).sum()
     }
 }

@@ -4,6 +4,7 @@
 //! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
 
 mod cut_element;
+mod few;
 mod immersed;
 mod least_links;
 mod negative;
@@ -16,6 +17,7 @@ use super::{Coupling, Filled, NO_OBJECT, Occupancy, Scene};
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh};
 use crate::workers::Workers;
+use few::Few;
 pub(crate) use immersed::may_be_immersed;
 use immersed::{ImmersedElements, OtherRules};
 use least_links::LeastLinks;
@@ -28,7 +30,7 @@ use obtuse::ObtuseElements;
 pub(super) struct Unstructured {
     /// The weight of each edge without objects, and what the edge rule makes of it.
     weights: Vec<f64>,
-    rule: Vec<Coupling>,
+    rule: Few<Coupling>,
     links: NodeLinks,
     obtuse: ObtuseElements,
     /// How little the links of nodes may be together, as far as these elements tell.
@@ -65,7 +67,7 @@ impl Unstructured {
         Self {
             negative: are_scaled.then(|| NegativeWeights::new(mesh, &of_elements, edges.len(), &obtuse)),
             weights: weights.to_vec(),
-            rule: vec![Coupling::PLAIN; weights.len()],
+            rule: Few::of(weights.len(), Coupling::PLAIN),
             links: NodeLinks::new(mesh, edges, weights),
             least: LeastLinks::new(obtuse.len()),
             obtuse,
@@ -91,10 +93,11 @@ impl Unstructured {
     pub(super) fn take(&mut self, held: HeldEdge, ends: [u32; 2], is_moved: bool, rule: Coupling) {
         let edge = held.edge;
         self.links.note_leads(held, ends, &rule);
-        let before = std::mem::replace(&mut self.rule[edge], rule);
-        if !is_moved && rule.is(&before) {
+        let is_as_before = rule.is(self.rule.get(edge));
+        if !is_moved && is_as_before {
             return;
         }
+        self.rule.set(edge, (!rule.is(&Coupling::PLAIN)).then_some(rule));
         self.pending.insert(edge);
         ends.into_iter().for_each(|node| self.links.look_at(node as usize));
         if let Some(negative) = &mut self.negative {
@@ -118,12 +121,12 @@ impl Unstructured {
     pub(super) fn contrast(&self, edge: usize) -> Option<f64> {
         let is_scaled = !self.obtuse.at_edge(edge).is_empty();
         let scaled = self.negative.as_ref().filter(|_| is_scaled).map(|negative| negative.factor(edge));
-        scaled.or_else(|| self.immersed.as_ref().map(|_| self.rule[edge].through))
+        scaled.or_else(|| self.immersed.as_ref().map(|_| self.rule.get(edge).through))
     }
 
     /// What is left of an edge but for links of nodes.
     fn without_links(&self, held: HeldEdge) -> Coupling {
-        let rule = self.rule[held.edge];
+        let rule = *self.rule.get(held.edge);
         let part = self.part(held);
         match self.weights[held.edge] > 0.0 {
             true if is_conducting(&rule, held.owners) => rule.scaled(part),
@@ -141,7 +144,7 @@ impl Unstructured {
 
     /// What multiplies the weight of an edge, which conductors then may cut, if no element is immersed.
     fn part(&self, held: HeldEdge) -> f64 {
-        let rule = &self.rule[held.edge];
+        let rule = self.rule.get(held.edge);
         match &self.negative {
             Some(negative) => negative.part(held, rule),
             None if is_conducting(rule, held.owners) => 1.0,

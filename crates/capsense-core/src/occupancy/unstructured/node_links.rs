@@ -380,7 +380,7 @@ impl Unstructured {
             let permittivity = scene.mesh.permittivity.at(edge);
             let first = *background.get_or_insert(permittivity);
             ending.is_mixed |= f64::abs(permittivity - first) > SAME * first;
-            let rule = &self.rule[edge];
+            let rule = self.rule.get(edge);
             let held = HeldEdge::of(edge, scene.mesh.edges.ends_of_existing(edge), conductors);
             if rule.object[end] == NO_OBJECT && held.owners[1 - end] == NO_OBJECT {
                 ending.is_mixed |= self.part(held) != 1.0;
@@ -409,7 +409,7 @@ impl Unstructured {
         let mut count = 0;
         scene.mesh.edges.for_edges_at(node, |edge, end| {
             let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
-            let leads = self.rule[edge].object[end] != NO_OBJECT || conductors[other] != NO_OBJECT;
+            let leads = self.rule.get(edge).object[end] != NO_OBJECT || conductors[other] != NO_OBJECT;
             count += u32::from(leads);
         });
         count
@@ -425,7 +425,7 @@ impl Unstructured {
     ) {
         scene.mesh.edges.for_edges_at(node, |edge, end| {
             let other = scene.mesh.edges.ends_of_existing(edge)[1 - end] as usize;
-            if conductors[other] == NO_OBJECT && !self.rule[edge].is_linked() {
+            if conductors[other] == NO_OBJECT && !self.rule.get(edge).is_linked() {
                 visit(scene.mesh.nodes[other], self.weights[edge]);
             }
         });

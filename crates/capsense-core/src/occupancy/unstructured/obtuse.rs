@@ -16,6 +16,7 @@
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
 use super::cut_element::CutElement;
+use super::few::Few;
 use super::least_links::ElementLinks;
 use crate::mesh::{EdgeShare, TetMesh};
 
@@ -61,6 +62,7 @@ impl ObtuseElements {
                 elements.push(Element { nodes, edges, weights });
             }
         }
+        elements.shrink_to_fit();
         let numbered = || (0..).zip(&elements);
         let at_node = numbered().flat_map(|(number, element): (u32, &Element)| {
             (0..4).zip(element.nodes).map(move |(corner, node)| (node as usize, Corner(4 * number + corner)))
@@ -108,7 +110,7 @@ impl ObtuseElements {
     pub(super) fn least_links(
         &self,
         element: u32,
-        rule: &[Coupling],
+        rule: &Few<Coupling>,
         holder: impl Fn(u32) -> Holder,
     ) -> ElementLinks {
         let (cut, ends_in) = self.elements[element as usize].cut(rule, holder);
@@ -137,13 +139,13 @@ impl Element {
     }
 
     /// What conductors leave of the element, and in what its edges end.
-    fn cut(&self, rule: &[Coupling], holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
+    fn cut(&self, rule: &Few<Coupling>, holder: impl Fn(u32) -> Holder) -> (CutElement, EndsIn) {
         let holders = self.nodes.map(holder);
         let differs = holders.map(|holder| !matches!(holder, Holder::Conductor(_)));
         let is_cut = |edge: usize| {
             let are_alike = EdgeShare::CORNERS[edge].map(|corner| holders[corner]) == [Holder::Sensor; 2];
             let number = self.edges[edge];
-            !are_alike && number != NO_EDGE && rule[number as usize].is_linked()
+            !are_alike && number != NO_EDGE && rule.get(number as usize).is_linked()
         };
         let is_clean = is_clean(differs, is_cut);
         let mut cut = CutElement::default();
@@ -152,7 +154,7 @@ impl Element {
             if self.edges[edge] == NO_EDGE {
                 continue;
             }
-            let (weight, rule) = (self.weights[edge], &rule[self.edges[edge] as usize]);
+            let (weight, rule) = (self.weights[edge], rule.get(self.edges[edge] as usize));
             for (own, other) in [(a, b), (b, a)].into_iter().filter(|(own, _)| differs[*own]) {
                 let end = usize::from(self.nodes[own] > self.nodes[other]);
                 let (conductor, factor) = match holders[other] {

@@ -61,7 +61,9 @@ impl Rows {
         let neighbours =
             |row: usize| matrix.row(node_of_row[row] as usize).map(|(other, _)| row_of_node[other]);
         let pattern = Pattern::new(nodes, |row, found| found.extend(neighbours(row)));
-        let places = (0..nodes).flat_map(|row| places(&pattern, row, neighbours(row))).collect();
+        let mut places: Vec<u32> =
+            (0..nodes).flat_map(|row| places(&pattern, row, neighbours(row))).collect();
+        places.shrink_to_fit();
         Self {
             places,
             node_of_row,

@@ -18,6 +18,7 @@ mod share;
 use super::super::elements::{Lists, NO_EDGE};
 use super::super::index_set::IndexList;
 use super::super::{Coupling, Filled, NO_OBJECT, Scene};
+use super::few::Few;
 use super::negative::NegativeWeights;
 use super::obtuse::ObtuseElements;
 use crate::geometry::Aabb;
@@ -64,7 +65,7 @@ struct Element {
 /// What an element's other weights follow from.
 #[derive(Clone, Copy)]
 pub(super) struct OtherRules<'a> {
-    pub(super) rule: &'a [Coupling],
+    pub(super) rule: &'a Few<Coupling>,
     pub(super) negative: Option<&'a NegativeWeights>,
 }
 
@@ -275,7 +276,7 @@ impl Element {
         let mut weights = [0.0; 6];
         for (at, share) in EdgeShare::of_element(corners).enumerate() {
             let is_scaled = others.negative.is_some() && share.counts() && share.weight < 0.0;
-            let factor = if is_scaled { smallest } else { others.rule[self.edges[at] as usize].through };
+            let factor = if is_scaled { smallest } else { others.rule.get(self.edges[at] as usize).through };
             weights[at] = factor * self.background * share.weight;
         }
         weights
