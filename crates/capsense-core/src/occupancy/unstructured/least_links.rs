@@ -6,7 +6,7 @@ use super::obtuse::{Corner, EndsIn, ObtuseElements};
 use crate::occupancy::index_set::IndexList;
 use crate::workers::Workers;
 
-/// So many elements keep a thread busy for ten times as long as it takes to hand them over.
+/// Elements that a thread takes at a time.
 const ELEMENTS_OF_A_TASK: usize = 64;
 
 /// What the links of an element's corners must be at least, edges to nodes that conductors hold among them.
