@@ -13,7 +13,9 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Side, Span, Surfaces, span_in_box};
+use crate::occupancy::{
+    Earlier, Frame, Regions, RightAngled, RightAngles, Round, Side, Span, Surfaces, span_in_box,
+};
 use convex::Convex;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -145,6 +147,11 @@ impl Solids {
     /// When there is no such object.
     pub fn boxes_around_edges(&self, object: usize) -> impl ExactSizeIterator<Item = (Aabb, u32)> {
         self.solids[object].edges.boxes()
+    }
+
+    fn is_cylinder(&self, object: usize) -> bool {
+        let angles = self.right_angles(object);
+        angles.is_some_and(|angles| matches!(angles.solid, RightAngled::Cylinder { .. }))
     }
 }
 
@@ -345,7 +352,7 @@ impl Surfaces for Solids {
             } else {
                 let first = boxes.len();
                 solid.surface.append_regions([&earlier, &now], spacing, boxes);
-                if self.roundness(object).is_some() {
+                if self.roundness(object).is_some() || self.is_cylinder(object) {
                     regions.are_around_edges(first);
                 }
                 solid.edges.append_regions_at_edges([&earlier, &now], spacing, regions.around_edges());

@@ -1,9 +1,9 @@
 //! The right angles at which faces of boxes and cylinders meet, at a pose: what surfaces tell of their edges once, so that
 //! it need not be asked for at every node.
 
-use super::RightAngle;
 use super::cells::either;
 use super::row::{larger, smaller};
+use super::{RightAngle, Round};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// A solid about the origin, faces of which meet at right angles.
@@ -40,6 +40,14 @@ impl RightAngles {
             RightAngled::Box(half) => Some(self.nearest_of_box(half, local)),
             RightAngled::Cylinder { radius, half_length } => self.rim(radius, half_length, local),
         }
+    }
+
+    /// The side of a cylinder, with what would be round ends.
+    #[inline]
+    pub(super) fn side(&self) -> Option<Round> {
+        let RightAngled::Cylinder { radius, half_length } = self.solid else { return None };
+        let DAffine3 { matrix3: turn, translation: centre } = self.sensor_from_object;
+        Some(Round { centre, half: half_length * turn.z_axis, radius })
     }
 
     #[inline(always)]

@@ -74,6 +74,10 @@ impl Scene<'_> {
                 let [[p, _], [q, _]] = angles.before_each_other(half, [from, to]);
                 wedge_potentials(&[p], &[q])
             }
+            (None, KnownField::Edges(angles)) if wedge.is_round => {
+                let Some(side) = angles.side() else { return 0.0 };
+                [side.seen_from(from).potential(to)]
+            }
             (None, KnownField::Edges(angles)) => {
                 let Some(angle) = angles.nearest(from) else { return 0.0 };
                 let mut place = Places::<1>::ORIGIN;

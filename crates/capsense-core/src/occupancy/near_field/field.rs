@@ -1,5 +1,6 @@
 //! The field around a right angle of a conductor, r^(2/3) sin(2θ/3), at a node and its neighbours.
 
+use super::cells::either;
 use super::row::larger;
 use glam::DVec3;
 
@@ -57,14 +58,36 @@ impl<const N: usize> Places<N> {
     #[inline(always)]
     pub(in super::super) fn potentials(&self, radius: f64) -> [f64; N] {
         let [p, q, along] = &self.0;
-        let bend = 0.5 / radius;
-        let mut before = [0.0; N];
-        for point in 0..N {
-            before[point] = p[point] + bend * along[point] * along[point];
+        if radius == f64::INFINITY {
+            return wedge_potentials(p, q);
         }
-        wedge_potentials(&before, q)
+        let (mut before, mut factors) = ([0.0; N], [0.0; N]);
+        for point in 0..N {
+            [before[point], factors[point]] = around_rim(radius.recip(), p[point], along[point]);
+        }
+        let mut potentials = wedge_potentials(&before, q);
+        potentials.iter_mut().zip(factors).for_each(|(potential, factor)| *potential *= factor);
+        potentials
     }
 }
+
+/// How far a point is before the side of a cylinder of some curvature 1/R, and √(R/ρ), ρ being how far it is from the axis. `p` is how
+/// far it is before the plane that touches the side, and `along` how far along that plane.
+///
+/// With v = √ρ u, what is the same all around the axis satisfies ∂²v/∂ρ² + ∂²v/∂z² + v/4ρ² = 0. So but for the last term, which is small
+/// while the edge is much nearer than the axis, v is the field around a straight edge, and that over √ρ is the field around the rim.
+#[inline(always)]
+pub(super) fn around_rim(curvature: f64, p: f64, along: f64) -> [f64; 2] {
+    let (radial, sideways) = (1.0 + curvature * p, curvature * along);
+    let from_axis = (radial * radial + sideways * sideways).sqrt();
+    // Beyond the axis, the sum of both may be all but nothing.
+    let bend =
+        either(radial > 0.0, along * sideways / (from_axis + radial), (from_axis - radial) / curvature);
+    [p + bend, 1.0 / larger(from_axis, LEAST_RADIUS).sqrt()]
+}
+
+/// Closer to the axis than this part of the radius the field is that at this place.
+const LEAST_RADIUS: f64 = 0.1;
 
 /// r^(2/3) sin(2θ/3) at points so far before either face, θ from one face to the other; zero in the object. Wrong by less than
 /// 1e-9 of r^(2/3). Loops without branches, so that several points are one instruction, and with few steps that wait for others.
@@ -161,6 +184,41 @@ mod tests {
                 );
                 assert_eq!([within, at_edge], [0.0; 2]);
             }
+        }
+    }
+
+    /// But for what is left of r²/R², it satisfies Laplace's equation; the field around a straight edge, bent about the axis, does not
+    /// by r/R.
+    #[test]
+    fn the_potential_around_a_rim_is_harmonic_near_it() {
+        let angle = RightAngle {
+            place: DVec3::X,
+            normals: [DVec3::X, DVec3::Z],
+            inside: f64::INFINITY,
+            radius: 1.0,
+            thickness: [2.0; 2],
+            breadth: 2.0,
+        };
+        let potential = |point: DVec3| {
+            let mut places = Places::<1>::ORIGIN;
+            places.set(0, angle.coordinates()(point));
+            places.potentials(angle.radius)[0]
+        };
+        for distance in [0.02, 0.05, 0.1] {
+            for step in 1..12 {
+                let (sine, cosine) = (6.0 * FRAC_PI_4 * f64::from(step) / 12.0).sin_cos();
+                let (place, way) = (DVec3::X + distance * DVec3::new(sine, 0.0, -cosine), 0.02 * distance);
+                let around = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| {
+                    potential(place + way * axis) + potential(place - way * axis) - 2.0 * potential(place)
+                });
+                let laplacian = around.iter().sum::<f64>() / (way * way);
+                let left = laplacian * distance * distance / distance.powf(2.0 / 3.0);
+                assert!(left.abs() < 0.4 * distance * distance, "{distance} {step}: {left}");
+            }
+        }
+        // Across the axis the nearest place of the rim is another, but numbers are numbers.
+        for point in [DVec3::ZERO, DVec3::new(-0.3, 1e-9, 0.1), DVec3::new(-1.0, 0.0, 0.5)] {
+            assert!(potential(point).is_finite(), "{point}");
         }
     }
 

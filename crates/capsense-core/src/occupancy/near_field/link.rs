@@ -1,7 +1,7 @@
 //! The links of nodes near conductors, several found at a time.
 
 use super::super::coupling::SMALLEST_PART;
-use super::field::wedge_potentials;
+use super::field::{around_rim, wedge_potentials};
 use super::row::larger;
 use super::{AtWedge, RightAngle};
 use crate::instructions::widest;
@@ -28,6 +28,9 @@ pub(super) struct Unlinked {
     pub(super) of_negative: f64,
     /// Of the edge that carries the link, the length over the area of the dual face.
     pub(super) carrier: f64,
+    /// How much of its share the edge has, and the link that the rest of it makes, as [`AtWedge::link`].
+    pub(super) part: f64,
+    pub(super) besides: f64,
 }
 
 /// Nodes near edges of conductors whose links are to be found, one array for each number.
@@ -41,8 +44,12 @@ pub(super) struct LinkBatch {
     slopes: [[Nodes; 3]; 2],
     /// By how much the way along the edge does; of any numbers for straight edges.
     along: [Nodes; 3],
-    /// Half of one over the radius of the edge.
-    bend: Nodes,
+    /// One over the radius of the edge, and whether that is anything but zero for any of them.
+    curvature: Nodes,
+    is_round: bool,
+    /// What the potentials of neighbours are multiplied with, and of the node itself, if an edge is round.
+    factors: [Nodes; NEIGHBOURS],
+    own_factor: Nodes,
     of_negative: Nodes,
     /// The way to each neighbour.
     steps: [Nodes; NEIGHBOURS],
@@ -94,8 +101,16 @@ impl<const N: usize> Links<N> {
 pub(super) type Neighbours<const N: usize> = [[f64; N]; NEIGHBOURS];
 
 impl Unlinked {
-    const NONE: Self =
-        Self { node: 0, sides: 0, at: AtWedge::NONE, share: 0.0, of_negative: 0.0, carrier: 0.0 };
+    const NONE: Self = Self {
+        node: 0,
+        sides: 0,
+        at: AtWedge::NONE,
+        share: 0.0,
+        of_negative: 0.0,
+        carrier: 0.0,
+        part: 1.0,
+        besides: 0.0,
+    };
 
     /// What the node makes of the conductor, its potentials and those of its neighbours, with their weights, being known.
     pub(super) fn linked(&self, own: f64, weights: &Neighbours<1>, potentials: &Neighbours<1>) -> AtWedge {
@@ -105,7 +120,7 @@ impl Unlinked {
     }
 
     fn linked_by(&self, potential: f64, weight: f64) -> AtWedge {
-        AtWedge { potential, link: self.share * weight * self.carrier, ..self.at }
+        AtWedge { potential, link: self.part * self.share * weight * self.carrier + self.besides, ..self.at }
     }
 }
 
@@ -116,7 +131,10 @@ impl LinkBatch {
         own: [[0.0; TOGETHER]; 2],
         slopes: [[[0.0; TOGETHER]; 3]; 2],
         along: [[0.0; TOGETHER]; 3],
-        bend: [0.0; TOGETHER],
+        curvature: [0.0; TOGETHER],
+        is_round: false,
+        factors: [[1.0; TOGETHER]; NEIGHBOURS],
+        own_factor: [1.0; TOGETHER],
         of_negative: [0.0; TOGETHER],
         steps: [[0.0; TOGETHER]; NEIGHBOURS],
         weights: [[0.0; TOGETHER]; NEIGHBOURS],
@@ -146,7 +164,7 @@ impl LinkBatch {
         for (slopes, normal) in self.slopes.iter_mut().zip(normals) {
             slopes.iter_mut().zip(normal.to_array()).for_each(|(slope, along)| slope[at] = along);
         }
-        self.bend[at] = 0.0;
+        self.curvature[at] = 0.0;
         self.of_negative[at] = unlinked.of_negative;
         for number in 0..NEIGHBOURS {
             (self.steps[number][at], self.weights[number][at]) = (steps[number], weights[number]);
@@ -156,7 +174,8 @@ impl LinkBatch {
     /// Makes the edge of the node that was taken last as round as it is.
     pub(super) fn bend_last(&mut self, angle: &RightAngle) {
         let Some(at) = self.count.checked_sub(1) else { return };
-        self.bend[at] = 0.5 / angle.radius;
+        self.curvature[at] = angle.radius.recip();
+        self.is_round = true;
         self.along.iter_mut().zip(angle.along().to_array()).for_each(|(slope, along)| slope[at] = along);
     }
 
@@ -170,6 +189,9 @@ impl LinkBatch {
         let arch = widest();
         arch.dispatch(PlaceNeighbours(self));
         let count = std::mem::take(&mut self.count);
+        if self.is_round {
+            arch.dispatch(Bend(self));
+        }
         for at in (0..count).filter(|&at| self.doubtful[at] != 0.0) {
             for number in 0..NEIGHBOURS {
                 if self.weights[number][at] != 0.0
@@ -181,6 +203,7 @@ impl LinkBatch {
             }
         }
         let links = arch.dispatch(FindLinks(self));
+        self.is_round = false;
         for at in 0..count {
             let unlinked = &self.unlinked[at];
             visit(unlinked, unlinked.linked_by(links.potential[at], links.weight[at]));
@@ -213,12 +236,32 @@ impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
             for at in 0..TOGETHER {
                 let step = batch.steps[number][at];
                 let [p, q] = [0, 1].map(|face: usize| step * batch.slopes[face][number / 2][at]);
-                let along = step * batch.along[number / 2][at];
                 let is_plain = batch.is_seen(number, at) | (batch.weights[number][at] == 0.0);
                 batch.doubtful[at] += if is_plain { 0.0 } else { 1.0 };
-                // A round edge bends away from its tangent.
-                batch.before[number][0][at] = batch.own[0][at] + p + batch.bend[at] * along * along;
+                batch.before[number][0][at] = batch.own[0][at] + p;
                 batch.before[number][1][at] = batch.own[1][at] + q;
+            }
+        }
+    }
+}
+
+/// Makes round edges bend away from their tangents, in the same way.
+struct Bend<'a>(&'a mut LinkBatch);
+
+impl pulp::NullaryFnOnce for Bend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let batch = self.0;
+        for at in 0..TOGETHER {
+            [_, batch.own_factor[at]] = around_rim(batch.curvature[at], batch.own[0][at], 0.0);
+        }
+        for number in 0..NEIGHBOURS {
+            for at in 0..TOGETHER {
+                let along = batch.steps[number][at] * batch.along[number / 2][at];
+                let before = &mut batch.before[number][0][at];
+                [*before, batch.factors[number][at]] = around_rim(batch.curvature[at], *before, along);
             }
         }
     }
@@ -233,11 +276,22 @@ impl pulp::NullaryFnOnce for FindLinks<'_> {
     #[inline(always)]
     fn call(self) -> Links<TOGETHER> {
         let batch = self.0;
-        let own = wedge_potentials(&batch.own[0], &batch.own[1]);
+        let mut own = wedge_potentials(&batch.own[0], &batch.own[1]);
         let mut of_neighbours = [[0.0; TOGETHER]; NEIGHBOURS];
         for (potentials, [p, q]) in of_neighbours.iter_mut().zip(&batch.before) {
             *potentials = wedge_potentials(p, q);
         }
+        if batch.is_round {
+            multiply(&mut own, &batch.own_factor);
+            of_neighbours.iter_mut().zip(&batch.factors).for_each(|(of, factors)| multiply(of, factors));
+        }
         Links::of(&own, &batch.weights, &of_neighbours, &batch.of_negative)
+    }
+}
+
+#[inline(always)]
+fn multiply(numbers: &mut Nodes, factors: &Nodes) {
+    for at in 0..TOGETHER {
+        numbers[at] *= factors[at];
     }
 }

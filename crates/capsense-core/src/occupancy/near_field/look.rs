@@ -52,6 +52,6 @@ impl Look<'_> {
                 }
             }
         }
-        unlinked.linked(potential(star.node), &weights, &potentials)
+        AtWedge { is_round: true, ..unlinked.linked(potential(star.node), &weights, &potentials) }
     }
 }

@@ -37,7 +37,7 @@ pub use field::RightAngle;
 pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::{Cells, part_within};
-use share::{Extent, part_at, share_of, smooth};
+use share::{Extent, part_of, share_of, smooth};
 pub(super) use star::{FAR_OFF_LATTICE, grown};
 
 use super::coupling::Coupling;
@@ -86,11 +86,20 @@ pub(super) struct AtWedge {
     is_all: bool,
     /// Whether that is not so, and a conductor has an edge among the cells around.
     is_beside: bool,
+    /// Whether the potential is that before a round surface.
+    is_round: bool,
 }
 
 impl AtWedge {
-    const NONE: Self =
-        Self { object: NO_OBJECT, share: 0.0, link: 0.0, potential: 1.0, is_all: false, is_beside: false };
+    const NONE: Self = Self {
+        object: NO_OBJECT,
+        share: 0.0,
+        link: 0.0,
+        potential: 1.0,
+        is_all: false,
+        is_beside: false,
+        is_round: false,
+    };
 
     /// Whether all but the link is the same in what edges see of it.
     fn has_share_of(&self, other: &Self) -> bool {
@@ -144,6 +153,22 @@ impl KnownField {
 pub(super) enum Near {
     Edge(RightAngle),
     Round(RoundNear),
+    /// The rim of a cylinder, that has such a part of the share, and its side.
+    Cylinder(RightAngle, f64, RoundNear),
+}
+
+impl Near {
+    /// The rim of a cylinder and its side, each with its share, of which the side has what the rim leaves; and the share of both.
+    fn of_cylinder(rim: Option<(RightAngle, f64)>, (side, of_side): (RoundNear, f64)) -> Option<(Self, f64)> {
+        match rim {
+            Some((angle, of_rim)) if of_side == 0.0 => Some((Self::Edge(angle), of_rim)),
+            Some((angle, of_rim)) if of_rim > 0.0 => {
+                let share = of_rim + (1.0 - of_rim) * of_side;
+                Some((Self::Cylinder(angle, of_rim / share, side), share))
+            }
+            _ => (of_side > 0.0).then_some((Self::Round(side), of_side)),
+        }
+    }
 }
 
 /// What all nodes make of edges of conductors.
@@ -332,6 +357,8 @@ impl Scene<'_> {
             share,
             of_negative: (near.breadth() * star.per_longest() - 1.0).clamp(0.0, 1.0),
             carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
+            part: 1.0,
+            besides: 0.0,
         }
     }
 
@@ -392,14 +419,17 @@ impl Scene<'_> {
         match &self.fields[object] {
             KnownField::None => None,
             KnownField::Edges(angles) => {
-                let angle = angles.nearest(point)?;
-                let is_near = (angle.place - point).abs().cmple(cells.reach()).all();
-                is_near.then(|| (Near::Edge(angle), share_of(cells, &angle)))
+                let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(cells.reach()).all();
+                let edge = angles.nearest(point).filter(is_near);
+                let edge = edge.map(|angle| (angle, share_of(cells, &angle)));
+                let Some(side) = angles.side() else {
+                    return edge.map(|(angle, share)| (Near::Edge(angle), share));
+                };
+                let of_side = part_of(cells, &side, point) * side.part_beside(point, cells);
+                Near::of_cylinder(edge, (side.seen_from(point), of_side))
             }
             KnownField::Round(round) => {
-                let place = round.place(point);
-                let share = part_at(cells, place) * cells.within(place, DVec3::ZERO);
-                Some((Near::Round(round.seen_from(point)), share))
+                Some((Near::Round(round.seen_from(point)), part_of(cells, round, point)))
             }
         }
     }

@@ -118,6 +118,14 @@ impl NodesAnew<'_> {
                     batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
                     batch.bend_last(&angle);
                 }
+                Some(Near::Cylinder(angle, part, side)) => {
+                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
+                    let of_side = (1.0 - part) * look.linked_to_round(&star, &side, &unlinked).link;
+                    let unlinked = Unlinked { part, besides: of_side, ..unlinked };
+                    let before = angle.before(star.place());
+                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
+                    batch.bend_last(&angle);
+                }
                 Some(Near::Round(round)) => {
                     let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
                     let at = look.linked_to_round(&star, &round, &unlinked);

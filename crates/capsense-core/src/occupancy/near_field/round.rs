@@ -4,6 +4,7 @@
 //! (1 + k d)(1 + l d) times its own, and a field that is normal to them is ∫ dd / (1 + k d)(1 + l d): d/(1 + d/R) for a sphere,
 //! R ln(1 + d/R) for a cylinder. Every potential that is constant on a surface bends there as this one does.
 
+use super::Cells;
 use glam::DVec3;
 
 /// A round surface: all that is as far as the radius from a piece of a line.
@@ -34,6 +35,15 @@ impl Round {
         }
         let part = (point - self.centre).dot(self.half) / squared;
         (self.centre + part.clamp(-1.0, 1.0) * self.half, (part.abs() - 1.0) * squared.sqrt())
+    }
+
+    /// How much the side counts at a point: all of it a cell from either end.
+    pub(super) fn part_beside(&self, point: DVec3, cells: &impl Cells) -> f64 {
+        let (_, beyond) = self.on_axis(point);
+        if beyond >= 0.0 {
+            return 0.0;
+        }
+        (-beyond / cells.size_along(self.half.normalize_or_zero())).min(1.0)
     }
 
     fn distance(&self, point: DVec3) -> f64 {

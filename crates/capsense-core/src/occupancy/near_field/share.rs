@@ -1,6 +1,6 @@
 //! How much of a node's links is what the field of a conductor makes of them: distances in cells, and extents.
 
-use super::{NEAR, RightAngle, RoundNear};
+use super::{NEAR, RightAngle, Round, RoundNear};
 use glam::DVec3;
 
 /// By how much thicker than edges of a mesh a conductor must be, so that what is behind it does not matter before it. With nothing to
@@ -84,9 +84,22 @@ pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let size = cells.size_along(angle.along());
     // Most are far from ends, and most edges straight: no divisions for these.
     let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
-    let is_straight =
-        if angle.radius == f64::INFINITY { 1.0 } else { (angle.radius / size - 1.0).clamp(0.0, 1.0) };
+    let is_straight = if angle.radius == f64::INFINITY { 1.0 } else { part_of_round(cells, angle, size) };
     part * from_ends * is_straight * cells.within(angle.place, angle.along())
+}
+
+/// How much a round edge counts where a cell along it has such a size: what is known of it holds within its radius, so nothing of it
+/// where a cell is as large in any direction, and all of it where that is twice as large.
+fn part_of_round(cells: &impl Cells, angle: &RightAngle, size: f64) -> f64 {
+    let sizes = angle.normals.map(|normal| cells.size_along(normal));
+    let largest = sizes.into_iter().fold(size, f64::max);
+    (angle.radius / largest - 1.0).clamp(0.0, 1.0)
+}
+
+/// The same of a round surface.
+pub(super) fn part_of(cells: &impl Cells, round: &Round, point: DVec3) -> f64 {
+    let place = round.place(point);
+    part_at(cells, place) * cells.within(place, DVec3::ZERO)
 }
 
 /// How much of a node's links the field around a place of a surface has: all of it up to [`NEAR`] cells, nothing

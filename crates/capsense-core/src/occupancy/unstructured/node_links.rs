@@ -347,6 +347,10 @@ impl Unstructured {
             let near = match &near {
                 Near::Edge(angle) => self.at_wedge(scene, node, angle, conductors),
                 Near::Round(round) => self.at_round(scene, node, round, conductors),
+                Near::Cylinder(angle, part, side) => {
+                    part * self.at_wedge(scene, node, angle, conductors)
+                        + (1.0 - part) * self.at_round(scene, node, side, conductors)
+                }
             };
             all += share * (near - all);
         }

@@ -22,7 +22,7 @@ fn is_homogeneous(node: u32) -> bool {
 
 fn wedge_of(node: u32) -> Wedge {
     let at = FOUND * (in_holders + node) + WEDGE;
-    return Wedge(found[at] & 0xffffu, (found[at] >> 16u) != 0u, bitcast<f32>(found[at + 1u]), bitcast<f32>(found[at + 2u]), bitcast<f32>(found[at + 3u]));
+    return of_words(vec4<u32>(found[at], found[at + 1u], found[at + 2u], found[at + 3u]));
 }
 
 // What all nodes that objects are near make of edges of conductors.
@@ -34,10 +34,8 @@ fn find_wedges() {
         var wedge = NO_WEDGE;
         if (conductor_at(node) == NO_OBJECT && is_near_any(place)) { wedge = wedge_at(star_at(node, place)); }
         let at = FOUND * (in_holders + node) + WEDGE;
-        found[at] = wedge.object | select(0u, 0x10000u, wedge.is_all);
-        found[at + 1u] = bitcast<u32>(wedge.share);
-        found[at + 2u] = bitcast<u32>(wedge.link);
-        found[at + 3u] = bitcast<u32>(wedge.potential);
+        let words = in_words(wedge);
+        for (var word = 0u; word < 4u; word++) { found[at + word] = words[word]; }
     }
 }
 

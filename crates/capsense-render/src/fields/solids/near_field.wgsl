@@ -181,10 +181,20 @@ fn see_each_other(a: vec3<f32>, b: vec3<f32>) -> bool {
     return (a.x >= 0.0 && b.x >= 0.0) || (a.y >= 0.0 && b.y >= 0.0);
 }
 
-// The potential around a right angle at a point given by its coordinates.
+// Closer to the axis than this part of the radius the field around a rim is that at this place.
+const LEAST_RADIUS: f32 = 0.1;
+
+// The potential around a right angle at a point given by its coordinates. Around a rim it is that around a straight edge, by the
+// distance from the axis, over the root of that.
 fn potential_around(place: vec3<f32>, radius: f32) -> f32 {
-    let p = place.x + select(0.5 / radius * place.z * place.z, 0.0, radius == STRAIGHT);
-    return potential_before(p, place.y);
+    if (radius == STRAIGHT) { return potential_before(place.x, place.y); }
+    let radial = 1.0 + place.x / radius;
+    let sideways = place.z / radius;
+    let from_axis = sqrt(radial * radial + sideways * sideways);
+    // Beyond the axis, the sum of both may be all but nothing.
+    var p = (from_axis - 1.0) * radius;
+    if (radial > 0.0) { p = place.x + place.z * sideways / (from_axis + radial); }
+    return potential_before(p, place.y) / sqrt(max(from_axis, LEAST_RADIUS));
 }
 
 // ln(1 + x) / x for x > 0, by the series of the area tangent: drivers' logarithms have eleven bits.
@@ -234,40 +244,75 @@ struct Wedge {
     // How much of the node's links is what the wedge makes of them, that share of the link as a factor of the edge along
     // CARRIER, and the potential of the node itself.
     share: f32, link: f32, potential: f32,
+    // Whether the potential is that before what is round.
+    is_round: bool,
 }
 
-const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0);
+const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0, false);
+
+// A wedge in four words: object, flags, share, link and potential.
+fn in_words(wedge: Wedge) -> vec4<u32> {
+    let flags = select(0u, 0x10000u, wedge.is_all) | select(0u, 0x20000u, wedge.is_round);
+    return vec4<u32>(wedge.object | flags, bitcast<u32>(wedge.share), bitcast<u32>(wedge.link), bitcast<u32>(wedge.potential));
+}
+
+fn of_words(words: vec4<u32>) -> Wedge {
+    let numbers = bitcast<vec3<f32>>(words.yzw);
+    return Wedge(words.x & 0xffffu, (words.x & 0x10000u) != 0u, numbers.x, numbers.y, numbers.z, (words.x & 0x20000u) != 0u);
+}
 
 fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f32 {
     let place = solid.turn * (angle.place - point);
     let part = part_at(star, place);
     if (part <= 0.0) { return 0.0; }
     let along = abs(solid.turn * cross(angle.first, angle.second));
-    let longest = max(star.below, star.above);
-    let shortest = min(star.below, star.above);
-    let narrowest = select(longest, shortest, shortest > vec3<f32>(0.0));
-    let size = dot(along, narrowest);
+    let size = size_along(star, along);
     var from_ends = 1.0;
     if (angle.inside < size) { from_ends = max(angle.inside / size, 0.0); }
     var is_straight = 1.0;
-    if (angle.radius != STRAIGHT) { is_straight = clamp(angle.radius / size - 1.0, 0.0, 1.0); }
+    if (angle.radius != STRAIGHT) {
+        // What is known of a rim holds within its radius.
+        let across = max(size_along(star, solid.turn * angle.first), size_along(star, solid.turn * angle.second));
+        is_straight = clamp(angle.radius / max(size, across) - 1.0, 0.0, 1.0);
+    }
     return part * from_ends * is_straight * within(star, place, along);
 }
 
-// How much of a node's links an object has if there is nothing else, or -1 where nothing is known of its field.
-fn own_share(star: Star, object: u32, solid: Solid, begin: vec3<f32>) -> f32 {
-    if (!is_conductor(object)) { return -1.0; }
-    let point = begin * solid.turn;
-    if (kind_of(solid) == CAPSULE) {
-        let axis = on_axis(solid, point);
-        let away = point - axis;
-        let distance = length(away);
-        let place = solid.turn * (axis + away * select(0.0, solid.size.x / distance, distance > 0.0) - point);
-        return part_at(star, place) * within(star, place, vec3<f32>(0.0));
+// The size of a cell in a direction.
+fn size_along(star: Star, direction: vec3<f32>) -> f32 {
+    let longest = max(star.below, star.above);
+    let shortest = min(star.below, star.above);
+    return dot(abs(direction), select(longest, shortest, shortest > vec3<f32>(0.0)));
+}
+
+// The same of what is round: a capsule, or the side of a cylinder but for a cell at either end.
+fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
+    let axis = on_axis(solid, point);
+    var beside = 1.0;
+    if (kind_of(solid) == CYLINDER) {
+        let before_end = solid.size.z - abs(point.z);
+        if (before_end <= 0.0) { return 0.0; }
+        beside = min(before_end / size_along(star, solid.turn * vec3<f32>(0.0, 0.0, 1.0)), 1.0);
     }
-    let angle = nearest_angle(solid, point);
-    if (!angle.exists || any(abs(solid.turn * (angle.place - point)) > star.reach)) { return -1.0; }
-    return share_of(star, solid, angle, point);
+    let away = point - axis;
+    let distance = length(away);
+    let place = solid.turn * (axis + away * select(0.0, solid.size.x / distance, distance > 0.0) - point);
+    return part_at(star, place) * within(star, place, vec3<f32>(0.0)) * beside;
+}
+
+// How much of a node's links the edges of an object have if there is nothing else, and of what these leave what is round of it.
+fn own_shares(star: Star, solid: Solid, point: vec3<f32>) -> vec2<f32> {
+    var shares = vec2<f32>(0.0);
+    if (kind_of(solid) != CAPSULE) {
+        let angle = nearest_angle(solid, point);
+        if (angle.exists && all(abs(solid.turn * (angle.place - point)) <= star.reach)) {
+            shares.x = share_of(star, solid, angle, point);
+        }
+    }
+    if (kind_of(solid) == CAPSULE || kind_of(solid) == CYLINDER) {
+        shares.y = (1.0 - shares.x) * round_share(star, solid, point);
+    }
+    return shares;
 }
 
 // What a node that no conductor holds makes of edges of conductors.
@@ -285,8 +330,11 @@ fn wedge_at(star: Star) -> Wedge {
         var away = 0.0;
         if (objects > 1u) { away = cells_to(star, clamp(begin, -half, half) - begin); }
         if (away >= FAR) { continue; }
-        var own = -1.0;
-        if (found == NO_OBJECT) { own = own_share(star, object, solid, begin); }
+        var own = 0.0;
+        if (found == NO_OBJECT && is_conductor(object)) {
+            let shares = own_shares(star, solid, begin * solid.turn);
+            own = shares.x + shares.y;
+        }
         if (own > 0.0) {
             found = object;
             share = min(share, own);
@@ -300,9 +348,17 @@ fn wedge_at(star: Star) -> Wedge {
 
 fn farthest(ways: vec3<f32>) -> f32 { return max(ways.x, max(ways.y, ways.z)); }
 
-fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
+// What the field around an edge of an object, or before what is round of it, makes of a node.
+struct FieldLink {
+    potential: f32,
+    // As a factor of the edge along CARRIER.
+    link: f32,
+    // Whether no edge of the mesh can have both its ends before the object and meet it.
+    is_thick: bool,
+}
+
+fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink {
     let solid = solid_of(object);
-    let is_round = kind_of(solid) == CAPSULE;
     let point = in_frame(solid, spot);
     var angle: RightAngle;
     var second = 0.0;
@@ -351,19 +407,36 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
             highest = max(highest, potential);
         }
     }
+    var field: FieldLink;
+    if (is_round) {
+        field.is_thick = SPARE * longest <= breadth;
+    } else {
+        let ways = vec2<f32>(farthest(abs(solid.turn * angle.first) * longest_ways), farthest(abs(solid.turn * angle.second) * longest_ways));
+        field.is_thick = all(SPARE * ways <= angle.thickness);
+    }
+    field.potential = max(max(own, SMALLEST_PART * highest), 1e-30);
+    var link = sum / field.potential - of_weights;
+    if (link < 0.0) { link *= clamp(breadth / longest - 1.0, 0.0, 1.0); }
+    field.link = link * star.above[CARRIER] / areas[CARRIER];
+    return field;
+}
+
+fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
+    let solid = solid_of(object);
+    let shares = own_shares(star, solid, in_frame(solid, spot));
+    let of_edge = shares.x / (shares.x + shares.y);
     var wedge: Wedge;
     wedge.object = object;
     wedge.share = share;
-    if (is_round) {
-        wedge.is_all = share >= 1.0 && SPARE * longest <= breadth;
-    } else {
-        let ways = vec2<f32>(farthest(abs(solid.turn * angle.first) * longest_ways), farthest(abs(solid.turn * angle.second) * longest_ways));
-        wedge.is_all = share >= 1.0 && all(SPARE * ways <= angle.thickness);
+    wedge.is_round = shares.x == 0.0;
+    let field = field_link(star, spot, object, wedge.is_round);
+    wedge.is_all = share >= 1.0 && field.is_thick;
+    wedge.potential = field.potential;
+    wedge.link = field.link;
+    if (of_edge > 0.0 && of_edge < 1.0) {
+        wedge.link = of_edge * field.link + (1.0 - of_edge) * field_link(star, spot, object, true).link;
     }
-    wedge.potential = max(max(own, SMALLEST_PART * highest), 1e-30);
-    var link = sum / wedge.potential - of_weights;
-    if (link < 0.0) { link *= clamp(breadth / longest - 1.0, 0.0, 1.0); }
-    wedge.link = share * link * star.above[CARRIER] / areas[CARRIER];
+    wedge.link *= share;
     return wedge;
 }
 
@@ -371,6 +444,10 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
 fn slope_from(wedge: Wedge, at: Spot, to: Spot) -> f32 {
     let solid = solid_of(wedge.object);
     if (kind_of(solid) == CAPSULE) { return 0.0; }
+    if (wedge.is_round) {
+        let second = second_curvature(solid, in_frame(solid, at));
+        return round_potential(solid, second, in_frame(solid, to)) / wedge.potential - 1.0;
+    }
     let angle = nearest_angle(solid, in_frame(solid, at));
     if (!angle.exists) { return 0.0; }
     let other = potential_around(coordinates(angle, in_frame(solid, to)), angle.radius);

@@ -61,7 +61,7 @@ fn place_of_node(node: u32) -> vec3<u32> {
 
 fn wedge_of(node: u32) -> Wedge {
     let words = wedges[node];
-    return Wedge(words.x & 0xffffu, (words.x >> 16u) != 0u, bitcast<f32>(words.y), bitcast<f32>(words.z), bitcast<f32>(words.w));
+    return of_words(words);
 }
 
 fn coupling_of(place: vec3<u32>, axis: u32) -> Coupling {
@@ -119,8 +119,7 @@ fn find_wedges(@builtin(global_invocation_id) id: vec3<u32>) {
     if (node >= told.threads) { return; }
     var wedge = NO_WEDGE;
     if (conductors[node] == NO_OBJECT) { wedge = wedge_at(star_at(node, place_of_node(node))); }
-    let word = wedge.object | select(0u, 0x10000u, wedge.is_all);
-    wedges[node] = vec4<u32>(word, bitcast<u32>(wedge.share), bitcast<u32>(wedge.link), bitcast<u32>(wedge.potential));
+    wedges[node] = in_words(wedge);
 }
 
 @compute @workgroup_size(64)
