@@ -290,6 +290,36 @@ fn corners_that_nearly_coincide_are_welded() {
     assert_eq!(refusal(&triangles).open, 3);
 }
 
+/// So the field around them is known; not of a box with a dent.
+#[test]
+fn triangles_around_a_box_have_its_edges() {
+    let middle = DVec3::new(0.3, -0.1, 0.05);
+    let triangles = box_triangles(middle - 0.5 * SIZE, middle + 0.5 * SIZE);
+    let (mesh_pose, turn) = (Pose::at(DVec3::new(0.1, 0.2, 0.3)), rotation([1.0, 2.0, 3.0], 1.0));
+    let mesh_pose = Pose { rotation: turn, ..mesh_pose };
+    let box_pose = Pose { translation: mesh_pose.translation + turn * middle, ..mesh_pose };
+    let of_mesh = at(&[mesh_of(&triangles)], &[mesh_pose]);
+    let of_box = at(&convex()[..1], &[box_pose]);
+    let (mut dice, mut beside_edges) = (Dice(5), 0);
+    for _ in 0..500 {
+        let [a, b] = [0.3 * dice.point(), dice.point()].map(|at| box_pose.translation + at);
+        assert_same_span(of_mesh.span(0, a, b), of_box.span(0, a, b), 1e-9, "box");
+        let edges = [&of_mesh, &of_box].map(|of| of.right_angles(0).unwrap().nearest(a).unwrap());
+        // Beyond a corner three edges are as near, and rounding decides.
+        if edges.iter().all(|edge| edge.inside > 1e-6) {
+            let differs =
+                edges[0].place.distance(edges[1].place).max((edges[0].inside - edges[1].inside).abs());
+            assert!(differs < 1e-9, "{edges:?}");
+            beside_edges += 1;
+        }
+    }
+    assert!(beside_edges > 100);
+    let dented = triangles.iter().map(|corners| {
+        corners.map(|at| if at.cmpeq(middle + 0.5 * SIZE).all() { at - 0.01 * SIZE } else { at })
+    });
+    assert!(at(&[mesh_of(&dented.collect::<Vec<_>>())], &[mesh_pose]).right_angles(0).is_none());
+}
+
 #[test]
 fn impossible_lengths_and_poses_are_refused() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {

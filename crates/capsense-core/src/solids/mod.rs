@@ -6,6 +6,7 @@
 //! poses alone (`surface_tree`).
 
 mod convex;
+mod cuboid;
 mod enclosed;
 mod surface_tree;
 mod weld;
@@ -17,6 +18,7 @@ use crate::occupancy::{
     Earlier, Frame, Regions, RightAngled, RightAngles, Round, Side, Span, Surfaces, span_in_box,
 };
 use convex::Convex;
+use cuboid::Cuboid;
 use enclosed::Enclosed;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -65,7 +67,7 @@ enum Body {
     Enclosed(Box<Enclosed>),
 }
 
-/// A solid in its own frame.
+/// A solid in its own frame, which is that of its shape but for boxes that were given as triangles.
 #[derive(Clone, Debug)]
 struct Solid {
     body: Body,
@@ -75,6 +77,8 @@ struct Solid {
     edges: SurfaceTree,
     /// Whether it looks the same however it is turned.
     is_ball: bool,
+    /// Where it is in the frame of its shape, if that is another.
+    place: Option<DAffine3>,
 }
 
 /// A solid in the sensor frame.
@@ -164,6 +168,7 @@ impl Solid {
                 Err(SolidError::Length { object, length })
             }
         };
+        let mut place = None;
         let convex = match shape {
             Shape::Box { size } => {
                 size.to_array().into_iter().try_for_each(|length| positive(length).map(|_| ()))?;
@@ -179,15 +184,13 @@ impl Solid {
             Shape::Mesh(mesh) => {
                 let triangles = weld::closed_surface(mesh)
                     .map_err(|edges| SolidError::NotWatertight { object, edges })?;
-                let enclosed = Enclosed::new(triangles);
-                let (bounds, surface) = (enclosed.bounds(), enclosed.surface_tree());
-                return Ok(Self {
-                    body: Body::Enclosed(Box::new(enclosed)),
-                    bounds,
-                    edges: surface.clone(),
-                    surface,
-                    is_ball: false,
-                });
+                match Cuboid::of(&triangles) {
+                    Some(cuboid) => {
+                        place = Some(cuboid.place);
+                        Convex::Box(cuboid.half)
+                    }
+                    None => return Ok(Self::enclosed(Enclosed::new(triangles))),
+                }
             }
         };
         let corners = convex.surface().into_iter().flat_map(|(patch, _)| patch.bounds());
@@ -197,7 +200,20 @@ impl Solid {
             surface: SurfaceTree::of_patches(convex.surface()),
             edges: SurfaceTree::of_patches(convex.edges()),
             is_ball: matches!(shape, Shape::Sphere { .. }),
+            place,
         })
+    }
+
+    fn enclosed(enclosed: Enclosed) -> Self {
+        let (bounds, surface) = (enclosed.bounds(), enclosed.surface_tree());
+        Self {
+            body: Body::Enclosed(Box::new(enclosed)),
+            bounds,
+            edges: surface.clone(),
+            surface,
+            is_ball: false,
+            place: None,
+        }
     }
 
     /// The part of a segment of the solid's frame that is in the solid.
@@ -231,7 +247,8 @@ impl Solid {
 
     fn at(&self, pose: &Pose) -> Placed {
         let rotation = if self.is_ball { DQuat::IDENTITY } else { pose.rotation.normalize() };
-        let sensor_from_object = DAffine3::from_rotation_translation(rotation, pose.translation);
+        let sensor_from_shape = DAffine3::from_rotation_translation(rotation, pose.translation);
+        let sensor_from_object = self.place.map_or(sensor_from_shape, |place| sensor_from_shape * place);
         Placed {
             sensor_from_object,
             object_from_sensor: sensor_from_object.matrix3.transpose(),

@@ -119,10 +119,16 @@ impl<'a> Updater<'a> {
         };
         let mut told = self.matrix.changed_rows().to_vec();
         told.sort_unstable();
-        // Links may lead to another object and weigh the same.
+        // Links may lead to another object and weigh the same, and several may weigh the same together.
         let mut relinked = BTreeSet::new();
-        for (edge, _) in self.network.weights().iter().enumerate().filter(|(_, base)| **base > 0.0) {
-            let [now, then] = [self, before].map(|u| u.occupancy.couplings()[edge].object);
+        let scales_negative = self.occupancy.scales_negative_weights();
+        let weights = self.network.weights().iter().enumerate();
+        for (edge, _) in weights.filter(|(_, base)| **base > 0.0 || scales_negative) {
+            let links = |u: &Self| {
+                let of = u.occupancy.couplings()[edge];
+                [0, 1].map(|end| (of.object[end], of.factor[end].to_bits()))
+            };
+            let [now, then] = [self, before].map(links);
             let ends = self.network.edges().ends(edge).into_iter().flatten().zip([0, 1]);
             relinked.extend(ends.filter(|(_, end)| now[*end] != then[*end]).map(|(node, _)| node));
         }
