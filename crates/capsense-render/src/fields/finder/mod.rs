@@ -8,7 +8,7 @@ mod placed;
 mod tables;
 
 use super::memory::Reserve;
-use super::solids::{EdgeTrees, SOLID_WORDS};
+use super::solids::{EdgeTrees, SOLID_WORDS, is_found};
 use crate::adapter::Adapter;
 use crate::error::RenderError;
 use crate::gpu::{Drawing, GpuDevice, Tile};
@@ -306,11 +306,10 @@ fn exact(scenes: &[Objects], electrodes: usize) -> Result<Prepared, RenderError>
     let mut first = 0;
     for Objects { shapes, materials } in scenes {
         check_materials(shapes, materials)?;
-        let is_mesh = |shape: &Shape| matches!(shape, Shape::Mesh(_));
-        if let Some(object) = shapes.iter().position(is_mesh) {
+        let solids = Solids::new(shapes).map_err(of_solid)?;
+        if let Some(object) = (0..shapes.len()).find(|&object| !is_found(&solids, object)) {
             return Err(RenderError::NotConvex { object });
         }
-        let solids = Solids::new(shapes).map_err(of_solid)?;
         let trees = EdgeTrees::new(&solids, &mut numbers);
         placed.push(Placed::new(first, Shapes::Exact(solids, trees), materials.clone(), electrodes));
         first += shapes.len();

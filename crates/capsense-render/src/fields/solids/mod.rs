@@ -71,6 +71,11 @@ impl EdgeTrees {
     }
 }
 
+/// Whether kernels know such a solid: triangles they do only if these are a box.
+pub(super) fn is_found(solids: &Solids, object: usize) -> bool {
+    kind_and_size(solids, object).is_some()
+}
+
 fn kind_and_size(solids: &Solids, object: usize) -> Option<(u32, DVec3)> {
     match (solids.right_angles(object).map(|angles| angles.solid), solids.roundness(object)) {
         (Some(RightAngled::Box(half)), _) => Some((BOX, half)),

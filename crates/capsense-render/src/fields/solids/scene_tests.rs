@@ -133,6 +133,14 @@ fn other_shapes_are_refused() {
     let faces = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let mesh = Arc::new(TriangleMesh::new(corners, faces).unwrap());
     assert_eq!(refused(Shape::Mesh(mesh)), RenderError::NotConvex { object: 0 });
+    // Twelve triangles around a box are one.
+    let corners =
+        (0..8).map(|k| 0.1 * DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)));
+    let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let faces = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let mesh = Shape::Mesh(Arc::new(TriangleMesh::new(corners.collect(), faces).unwrap()));
+    let objects = Objects { shapes: vec![mesh], materials: vec![GROUNDED] };
+    assert!(GpuFields::with_solids((&problem, &sensor), &[objects], true).is_ok());
     let error = refused(Shape::Sphere { radius: -1.0 });
     assert!(matches!(error, RenderError::Shape { object: 0, .. }), "{error}");
 }
