@@ -56,7 +56,7 @@ fn a_bisected_mesh_has_the_same_capacitances_on_either_device() {
     }
 }
 
-/// Solids are found on the device, and on the processor for who looks; those of triangles on the processor alone.
+/// Solids are found on the device, and on the processor for who looks; those of triangles that are no box on the processor alone.
 #[test]
 fn solids_are_found_on_the_device_if_they_can_be() {
     let text = |solver: &str| scene_text(solver).replace("geometry = \"camera\"", "geometry = \"solids\"");

@@ -188,6 +188,22 @@ fn a_bar_that_slides_leaves_no_trace() {
     }
 }
 
+/// Nodes beside a cylinder are looked at again wherever it goes, not those near its rims alone.
+#[test]
+fn a_cylinder_leaves_no_trace() {
+    let mut cylinder = Solids::new(&[Shape::Cylinder { radius: 0.1, length: 0.1 }]).unwrap();
+    for sensor in [stripes_sensor(60_000), stripes_sensor(20_000).off_lattice()] {
+        let mut updater = Updater::new(&sensor, &[conductor(Connection::Grounded)]);
+        for way in [DVec3::Z, DVec3::X, DVec3::new(0.3, 1.0, 0.5)] {
+            for frame in 0..20 {
+                let place = DVec3::new(0.01, 0.0, 0.14) + 5e-4 * f64::from(frame) * way;
+                cylinder.place(&[Pose::at(place)]).unwrap();
+                updater.step_checked(&cylinder);
+            }
+        }
+    }
+}
+
 /// Faces of strong dielectrics come to lie in planes of nodes, leave them by less and by more than edges are wide, and come again.
 #[test]
 fn faces_in_planes_of_nodes_leave_no_trace() {

@@ -360,7 +360,8 @@ impl Convex {
             Self::Cylinder { radius, half_length } => {
                 let end = |z: f64| Profile::Line([DVec2::new(0.0, z), DVec2::new(radius, z)]);
                 let ends = around(end(half_length)).into_iter().chain(around(end(-half_length)));
-                let side = all(around(side(radius, half_length)).to_vec(), BVec3::new(true, true, false));
+                // Slid along its axis the side is the same, but nodes beside it know how far they are from its ends.
+                let side = all(around(side(radius, half_length)).to_vec(), BVec3::TRUE);
                 all(ends.collect(), BVec3::new(false, false, true)).chain(side).collect()
             }
         }

@@ -1,6 +1,6 @@
 //! Tells whether a closed surface of triangles is that of a box: as such it has edges whose field is known.
 
-use glam::{DAffine3, DMat3, DVec3, Vec3Swizzles};
+use glam::{DAffine3, DMat3, DVec3};
 
 /// Corners are in a face if they are nearer to it than this part of the box's shortest edge: files often have single precision.
 const FLAT: f64 = 1e-5;
@@ -23,37 +23,41 @@ impl Cuboid {
         let (min, max) = (corners().reduce(DVec3::min)?, corners().reduce(DVec3::max)?);
         let (size, middle) = (max - min, 0.5 * (min + max));
         let flat = FLAT * size.min_element();
-        let is_in_face = |corners: [DVec3; 3]| {
-            (0..3).any(|axis| {
-                [min, max].iter().any(|face| corners.iter().all(|at| (at[axis] - face[axis]).abs() <= flat))
-            })
+        let mut areas = [0.0; 6];
+        for [a, b, c] in triangles.iter().map(|corners| corners.map(|at| turned * at)) {
+            let is_in = |face: &usize| {
+                let (axis, at) = (face / 2, if face % 2 == 0 { min } else { max });
+                [a, b, c].iter().all(|corner| (corner[axis] - at[axis]).abs() <= flat)
+            };
+            areas[(0..6).find(is_in)?] += 0.5 * (b - a).cross(c - a).length();
+        }
+        // Closed, in the faces of a box and as large as each of these: all are covered, whichever way round triangles are listed.
+        let is_covered = |(face, area): (usize, f64)| {
+            let of_face = size[(face / 2 + 1) % 3] * size[(face / 2 + 2) % 3];
+            (area / of_face - 1.0).abs() < 10.0 * FLAT
         };
-        // Closed, in the faces of a box, and as large as these are: each is covered once, whichever way round triangles are listed.
-        let area: f64 = triangles.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length()).sum();
-        let of_box = 2.0 * (size * size.yzx()).element_sum();
-        let is_whole = (area / of_box - 1.0).abs() < 10.0 * FLAT;
-        let is_cuboid = is_whole && triangles.iter().all(|corners| is_in_face(corners.map(|at| turned * at)));
+        let is_cuboid = areas.into_iter().enumerate().all(is_covered);
         is_cuboid
             .then(|| Self { half: 0.5 * size, place: DAffine3::from_mat3_translation(axes, axes * middle) })
     }
 }
 
-/// The normals of the largest triangle, of the largest across it, and the direction across both; none where the second is not
-/// across the first.
+/// Normals of triangles within this angle, in radians, are one: of small triangles, single precision leaves that much.
+const SAME_NORMAL: f64 = 0.02;
+
+/// The mean normal of the triangles that are as the largest one, of those that are as the largest across it, and the direction across
+/// both.
 fn axes(triangles: &[[DVec3; 3]]) -> Option<DMat3> {
-    let largest = |across: DVec3| {
-        let normals = triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a));
-        let normals = normals.filter(|normal| normal.dot(across).abs() <= 0.5 * normal.length());
-        let normal =
-            normals.reduce(
-                |best, normal| {
-                    if normal.length_squared() > best.length_squared() { normal } else { best }
-                },
-            );
-        normal?.try_normalize()
+    let normals = || triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a));
+    let mean = |across: DVec3| {
+        let across = normals().filter(|normal| normal.dot(across).abs() <= 0.5 * normal.length());
+        let longer = |a: DVec3, b: DVec3| if b.length_squared() > a.length_squared() { b } else { a };
+        let largest = across.reduce(longer)?.try_normalize()?;
+        let alike = normals().filter(|normal| normal.cross(largest).length() < SAME_NORMAL * normal.length());
+        alike.map(|normal| normal * normal.dot(largest).signum()).sum::<DVec3>().try_normalize()
     };
-    let first = largest(DVec3::ZERO)?;
-    let second = largest(first)?;
+    let first = mean(DVec3::ZERO)?;
+    let second = mean(first)?;
     let second = (second - second.dot(first) * first).try_normalize()?;
     Some(DMat3::from_cols(first, second, first.cross(second)))
 }
@@ -116,10 +120,30 @@ mod tests {
     }
 
     #[test]
+    fn faces_may_be_cut_often() {
+        let turn = DMat3::from_quat(DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(1.1));
+        let (size, cells) = (DVec3::new(0.15, 0.15, 0.02), 80);
+        let mut triangles = Vec::new();
+        for (face, end) in (0..3).flat_map(|face| [(face, 0.0), (face, 1.0)]) {
+            let at = |i: i32, j: i32| {
+                let mut place = DVec3::splat(end);
+                place[(face + 1) % 3] = f64::from(i) / f64::from(cells);
+                place[(face + 2) % 3] = f64::from(j) / f64::from(cells);
+                (turn * (place * size)).as_vec3().as_dvec3()
+            };
+            for (i, j) in (0..cells).flat_map(|i| (0..cells).map(move |j| (i, j))) {
+                triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+                triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+            }
+        }
+        assert!(Cuboid::of(&triangles).is_some());
+    }
+
+    #[test]
     fn what_is_no_box_is_none() {
         let slanted = points(&[[0.0, 0.0], [0.1, 0.0], [0.101, 0.1], [0.0, 0.1]]);
         let hexagon: Vec<DVec2> = (0..6).map(|k| DVec2::from_angle(f64::from(k))).collect();
-        // Of an L all triangles but two are in faces of the box around it, of a notch with a corner in the middle all but few.
+        // Of an L all triangles but four are in faces of the box around it.
         let angle = points(&[[0.0, 0.0], [0.1, 0.0], [0.1, 0.05], [0.05, 0.05], [0.05, 0.1], [0.0, 0.1]]);
         for polygon in [slanted, hexagon, angle] {
             assert!(Cuboid::of(&prism(&polygon, 0.0, 0.03)).is_none(), "{polygon:?}");
@@ -130,6 +154,12 @@ mod tests {
             corner.y = 0.0999;
         }
         assert!(Cuboid::of(&dented).is_none());
+        // Three faces of a cube, each twice: closed, and as large as all six.
+        let cube = prism(&points(&[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), 0.0, 1.0);
+        let at_origin = |corners: &&[DVec3; 3]| (0..3).any(|axis| corners.iter().all(|at| at[axis] == 0.0));
+        let half: Vec<_> = cube.iter().filter(at_origin).copied().collect();
+        assert_eq!(half.len(), 6);
+        assert!(Cuboid::of(&[&half[..], &half[..]].concat()).is_none());
         assert!(
             Cuboid::of(&[[DVec3::ZERO, DVec3::X, DVec3::Y], [DVec3::ZERO, DVec3::Y, DVec3::X]]).is_none()
         );

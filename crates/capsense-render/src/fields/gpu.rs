@@ -112,7 +112,7 @@ impl GpuFields {
     /// conductors make of nodes near them is found on the device, too.
     ///
     /// # Errors
-    /// As [`GpuFields::with_camera`], and when an object is a triangle mesh.
+    /// As [`GpuFields::with_camera`], and when an object is a triangle mesh that is no box.
     pub fn with_solids(
         (problem, sensor): (&RemoteProblem, &Sensor),
         scenes: &[Objects],

@@ -25,7 +25,7 @@ pub enum RightAngled {
 pub struct RightAngles {
     /// The solid in its own frame.
     pub solid: RightAngled,
-    /// Its pose, a rotation and a translation.
+    /// Where its frame is in that of the sensor: a rotation and a translation.
     pub sensor_from_object: DAffine3,
     /// The inverse of the rotation.
     pub object_from_sensor: DMat3,
@@ -42,7 +42,7 @@ impl RightAngles {
         }
     }
 
-    /// The side of a cylinder, with what would be round ends.
+    /// The side of a cylinder, from end to end.
     #[inline]
     pub(super) fn side(&self) -> Option<Round> {
         let RightAngled::Cylinder { radius, half_length } = self.solid else { return None };

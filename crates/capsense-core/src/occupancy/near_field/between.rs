@@ -62,9 +62,10 @@ impl Scene<'_> {
         }
     }
 
-    /// The same for one node and one neighbour.
+    /// The same for one node and one neighbour, by as much as the edge has of the node's share: before what is round there are no
+    /// walls.
     fn slope_from(&self, wedge: &AtWedge, nodes: [u32; 2]) -> f64 {
-        if wedge.share == 0.0 {
+        if wedge.share == 0.0 || wedge.of_edge == 0.0 {
             return 0.0;
         }
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);
@@ -74,10 +75,6 @@ impl Scene<'_> {
                 let [[p, _], [q, _]] = angles.before_each_other(half, [from, to]);
                 wedge_potentials(&[p], &[q])
             }
-            (None, KnownField::Edges(angles)) if wedge.is_round => {
-                let Some(side) = angles.side() else { return 0.0 };
-                [side.seen_from(from).potential(to)]
-            }
             (None, KnownField::Edges(angles)) => {
                 let Some(angle) = angles.nearest(from) else { return 0.0 };
                 let mut place = Places::<1>::ORIGIN;
@@ -86,6 +83,6 @@ impl Scene<'_> {
             }
             _ => return 0.0,
         };
-        other / wedge.potential - 1.0
+        f64::from(wedge.of_edge) * (other / wedge.potential - 1.0)
     }
 }

@@ -28,8 +28,7 @@ pub(super) struct Unlinked {
     pub(super) of_negative: f64,
     /// Of the edge that carries the link, the length over the area of the dual face.
     pub(super) carrier: f64,
-    /// How much of its share the edge has, and the link that the rest of it makes, as [`AtWedge::link`].
-    pub(super) part: f64,
+    /// The link that what is round makes, as [`AtWedge::link`].
     pub(super) besides: f64,
 }
 
@@ -108,7 +107,6 @@ impl Unlinked {
         share: 0.0,
         of_negative: 0.0,
         carrier: 0.0,
-        part: 1.0,
         besides: 0.0,
     };
 
@@ -120,7 +118,8 @@ impl Unlinked {
     }
 
     fn linked_by(&self, potential: f64, weight: f64) -> AtWedge {
-        AtWedge { potential, link: self.part * self.share * weight * self.carrier + self.besides, ..self.at }
+        let of_edge = f64::from(self.at.of_edge) * self.share * weight * self.carrier;
+        AtWedge { potential, link: of_edge + self.besides, ..self.at }
     }
 }
 

@@ -52,6 +52,6 @@ impl Look<'_> {
                 }
             }
         }
-        AtWedge { is_round: true, ..unlinked.linked(potential(star.node), &weights, &potentials) }
+        unlinked.linked(potential(star.node), &weights, &potentials)
     }
 }

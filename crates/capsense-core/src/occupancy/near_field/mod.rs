@@ -12,7 +12,7 @@
 //! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. A stick much
 //! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
-//! In front of round conductors, spheres and capsules, u is what falls as surfaces at a distance grow ([`round`]).
+//! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]).
 //!
 //! So many cells from an edge that nothing is known of it ([`Cells::far`]), at its ends, and a cell from any other object, the edge rule takes over, in shares.
 
@@ -37,7 +37,7 @@ pub use field::RightAngle;
 pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::{Cells, part_within};
-use share::{Extent, part_of, share_of, smooth};
+use share::{Extent, share_of, share_of_round, smooth};
 pub(super) use star::{FAR_OFF_LATTICE, grown};
 
 use super::coupling::Coupling;
@@ -86,8 +86,8 @@ pub(super) struct AtWedge {
     is_all: bool,
     /// Whether that is not so, and a conductor has an edge among the cells around.
     is_beside: bool,
-    /// Whether the potential is that before a round surface.
-    is_round: bool,
+    /// How much of the share is an edge's, whose the potential is if it has any; the rest is that of what is round.
+    of_edge: f32,
 }
 
 impl AtWedge {
@@ -98,7 +98,7 @@ impl AtWedge {
         potential: 1.0,
         is_all: false,
         is_beside: false,
-        is_round: false,
+        of_edge: 0.0,
     };
 
     /// Whether all but the link is the same in what edges see of it.
@@ -154,17 +154,17 @@ pub(super) enum Near {
     Edge(RightAngle),
     Round(RoundNear),
     /// The rim of a cylinder, that has such a part of the share, and its side.
-    Cylinder(RightAngle, f64, RoundNear),
+    Cylinder(RightAngle, f32, RoundNear),
 }
 
 impl Near {
     /// The rim of a cylinder and its side, each with its share, of which the side has what the rim leaves; and the share of both.
     fn of_cylinder(rim: Option<(RightAngle, f64)>, (side, of_side): (RoundNear, f64)) -> Option<(Self, f64)> {
         match rim {
-            Some((angle, of_rim)) if of_side == 0.0 => Some((Self::Edge(angle), of_rim)),
+            Some((angle, of_rim)) if of_side == 0.0 || of_rim >= 1.0 => Some((Self::Edge(angle), of_rim)),
             Some((angle, of_rim)) if of_rim > 0.0 => {
                 let share = of_rim + (1.0 - of_rim) * of_side;
-                Some((Self::Cylinder(angle, of_rim / share, side), share))
+                Some((Self::Cylinder(angle, (of_rim / share) as f32, side), share))
             }
             _ => (of_side > 0.0).then_some((Self::Round(side), of_side)),
         }
@@ -353,11 +353,17 @@ impl Scene<'_> {
         Unlinked {
             node: star.node,
             sides: star.sides(),
-            at: AtWedge { object: object as u16, share: share as f32, is_all, is_beside, ..AtWedge::NONE },
+            at: AtWedge {
+                object: object as u16,
+                share: share as f32,
+                is_all,
+                is_beside,
+                of_edge: 1.0,
+                ..AtWedge::NONE
+            },
             share,
             of_negative: (near.breadth() * star.per_longest() - 1.0).clamp(0.0, 1.0),
             carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
-            part: 1.0,
             besides: 0.0,
         }
     }
@@ -425,11 +431,11 @@ impl Scene<'_> {
                 let Some(side) = angles.side() else {
                     return edge.map(|(angle, share)| (Near::Edge(angle), share));
                 };
-                let of_side = part_of(cells, &side, point) * side.part_beside(point, cells);
-                Near::of_cylinder(edge, (side.seen_from(point), of_side))
+                let of_side = share_of_round(cells, &side, point) * side.part_beside(point, cells);
+                Near::of_cylinder(edge, (side.endless().seen_from(point), of_side))
             }
             KnownField::Round(round) => {
-                Some((Near::Round(round.seen_from(point)), part_of(cells, round, point)))
+                Some((Near::Round(round.seen_from(point)), share_of_round(cells, round, point)))
             }
         }
     }

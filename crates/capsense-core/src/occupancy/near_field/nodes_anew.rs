@@ -118,10 +118,11 @@ impl NodesAnew<'_> {
                     batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
                     batch.bend_last(&angle);
                 }
-                Some(Near::Cylinder(angle, part, side)) => {
+                Some(Near::Cylinder(angle, of_edge, side)) => {
                     let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
-                    let of_side = (1.0 - part) * look.linked_to_round(&star, &side, &unlinked).link;
-                    let unlinked = Unlinked { part, besides: of_side, ..unlinked };
+                    let of_side = look.linked_to_round(&star, &side, &unlinked).link;
+                    let besides = (1.0 - f64::from(of_edge)) * of_side;
+                    let unlinked = Unlinked { at: AtWedge { of_edge, ..unlinked.at }, besides, ..unlinked };
                     let before = angle.before(star.place());
                     batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
                     batch.bend_last(&angle);
@@ -129,7 +130,7 @@ impl NodesAnew<'_> {
                 Some(Near::Round(round)) => {
                     let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
                     let at = look.linked_to_round(&star, &round, &unlinked);
-                    self.settle(star.node, unlinked.sides, at);
+                    self.settle(star.node, unlinked.sides, AtWedge { of_edge: 0.0, ..at });
                     continue;
                 }
             }

@@ -18,6 +18,9 @@ pub struct Round {
     pub radius: f64,
 }
 
+/// So many times as long, ends are nowhere.
+const ENDLESS: f64 = 1e6;
+
 /// The same, seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) struct RoundNear {
@@ -35,6 +38,11 @@ impl Round {
         }
         let part = (point - self.centre).dot(self.half) / squared;
         (self.centre + part.clamp(-1.0, 1.0) * self.half, (part.abs() - 1.0) * squared.sqrt())
+    }
+
+    /// The same without ends, as the field before the side of a cylinder is.
+    pub(super) fn endless(self) -> Self {
+        Self { half: ENDLESS * self.half, ..self }
     }
 
     /// How much the side counts at a point: all of it a cell from either end.

@@ -96,8 +96,8 @@ fn part_of_round(cells: &impl Cells, angle: &RightAngle, size: f64) -> f64 {
     (angle.radius / largest - 1.0).clamp(0.0, 1.0)
 }
 
-/// The same of a round surface.
-pub(super) fn part_of(cells: &impl Cells, round: &Round, point: DVec3) -> f64 {
+/// How much of a node's links is what a round surface makes of them, if there is nothing else.
+pub(super) fn share_of_round(cells: &impl Cells, round: &Round, point: DVec3) -> f64 {
     let place = round.place(point);
     part_at(cells, place) * cells.within(place, DVec3::ZERO)
 }

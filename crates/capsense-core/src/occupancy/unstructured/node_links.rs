@@ -347,7 +347,8 @@ impl Unstructured {
             let near = match &near {
                 Near::Edge(angle) => self.at_wedge(scene, node, angle, conductors),
                 Near::Round(round) => self.at_round(scene, node, round, conductors),
-                Near::Cylinder(angle, part, side) => {
+                Near::Cylinder(angle, of_edge, side) => {
+                    let part = f64::from(*of_edge);
                     part * self.at_wedge(scene, node, angle, conductors)
                         + (1.0 - part) * self.at_round(scene, node, side, conductors)
                 }

@@ -218,13 +218,16 @@ fn log_over(x: f32) -> f32 {
     return 2.0 / (2.0 + x) * series;
 }
 
-// A capsule or a sphere as it is near a point: the smaller principal curvature in parts of the larger one.
+// A round surface as it is near a point: the smaller principal curvature in parts of the larger one.
 fn second_curvature(solid: Solid, point: vec3<f32>) -> f32 {
+    if (kind_of(solid) == CYLINDER) { return 0.0; }
     if (solid.size.z == 0.0) { return 1.0; }
     return clamp((abs(point.z) - solid.size.z) / solid.size.x + 0.5, 0.0, 1.0);
 }
 
+// Before its side, a cylinder has no ends.
 fn on_axis(solid: Solid, point: vec3<f32>) -> vec3<f32> {
+    if (kind_of(solid) == CYLINDER) { return vec3<f32>(0.0, 0.0, point.z); }
     return vec3<f32>(0.0, 0.0, clamp(point.z, -solid.size.z, solid.size.z));
 }
 
@@ -244,21 +247,25 @@ struct Wedge {
     // How much of the node's links is what the wedge makes of them, that share of the link as a factor of the edge along
     // CARRIER, and the potential of the node itself.
     share: f32, link: f32, potential: f32,
-    // Whether the potential is that before what is round.
-    is_round: bool,
+    // How much of the share is an edge's, whose the potential is if it has any; the rest is that of what is round.
+    of_edge: f32,
 }
 
-const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0, false);
+const NO_WEDGE: Wedge = Wedge(NO_OBJECT, false, 0.0, 0.0, 1.0, 0.0);
 
-// A wedge in four words: object, flags, share, link and potential.
+// Steps of the edge's part in the words of a wedge.
+const PARTS: f32 = 16384.0;
+
+// A wedge in four words: object, the edge's part and whether the field is that of one wedge alone; share, link and potential.
 fn in_words(wedge: Wedge) -> vec4<u32> {
-    let flags = select(0u, 0x10000u, wedge.is_all) | select(0u, 0x20000u, wedge.is_round);
+    let flags = u32(round(PARTS * wedge.of_edge)) << 17u | select(0u, 0x10000u, wedge.is_all);
     return vec4<u32>(wedge.object | flags, bitcast<u32>(wedge.share), bitcast<u32>(wedge.link), bitcast<u32>(wedge.potential));
 }
 
 fn of_words(words: vec4<u32>) -> Wedge {
     let numbers = bitcast<vec3<f32>>(words.yzw);
-    return Wedge(words.x & 0xffffu, (words.x & 0x10000u) != 0u, numbers.x, numbers.y, numbers.z, (words.x & 0x20000u) != 0u);
+    let of_edge = f32(words.x >> 17u) / PARTS;
+    return Wedge(words.x & 0xffffu, (words.x & 0x10000u) != 0u, numbers.x, numbers.y, numbers.z, of_edge);
 }
 
 fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f32 {
@@ -285,7 +292,8 @@ fn size_along(star: Star, direction: vec3<f32>) -> f32 {
     return dot(abs(direction), select(longest, shortest, shortest > vec3<f32>(0.0)));
 }
 
-// The same of what is round: a capsule, or the side of a cylinder but for a cell at either end.
+// How much of a node's links what is round has if there is nothing else: a capsule, or the side of a cylinder but for a cell at either
+// end.
 fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     let axis = on_axis(solid, point);
     var beside = 1.0;
@@ -323,6 +331,7 @@ fn wedge_at(star: Star) -> Wedge {
     let spot = spot_of(star.place);
     var found = NO_OBJECT;
     var share = 1.0;
+    var of_edge = 1.0;
     for (var object = 0u; object < objects; object++) {
         let solid = solid_of(object);
         let begin = from_origin(solid, spot);
@@ -334,6 +343,7 @@ fn wedge_at(star: Star) -> Wedge {
         if (found == NO_OBJECT && is_conductor(object)) {
             let shares = own_shares(star, solid, begin * solid.turn);
             own = shares.x + shares.y;
+            if (own > 0.0) { of_edge = shares.x / own; }
         }
         if (own > 0.0) {
             found = object;
@@ -343,7 +353,7 @@ fn wedge_at(star: Star) -> Wedge {
         }
     }
     if (found == NO_OBJECT || share <= 0.0 || !is_homogeneous(star.node)) { return NO_WEDGE; }
-    return linked_wedge(star, spot, found, share);
+    return linked_wedge(star, spot, found, share, of_edge);
 }
 
 fn farthest(ways: vec3<f32>) -> f32 { return max(ways.x, max(ways.y, ways.z)); }
@@ -421,35 +431,22 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
     return field;
 }
 
-fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32) -> Wedge {
-    let solid = solid_of(object);
-    let shares = own_shares(star, solid, in_frame(solid, spot));
-    let of_edge = shares.x / (shares.x + shares.y);
-    var wedge: Wedge;
-    wedge.object = object;
-    wedge.share = share;
-    wedge.is_round = shares.x == 0.0;
-    let field = field_link(star, spot, object, wedge.is_round);
-    wedge.is_all = share >= 1.0 && field.is_thick;
-    wedge.potential = field.potential;
-    wedge.link = field.link;
+fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32, of_edge: f32) -> Wedge {
+    let field = field_link(star, spot, object, of_edge == 0.0);
+    var link = field.link;
     if (of_edge > 0.0 && of_edge < 1.0) {
-        wedge.link = of_edge * field.link + (1.0 - of_edge) * field_link(star, spot, object, true).link;
+        link = of_edge * link + (1.0 - of_edge) * field_link(star, spot, object, true).link;
     }
-    wedge.link *= share;
-    return wedge;
+    return Wedge(object, share >= 1.0 && field.is_thick, share, share * link, field.potential, of_edge);
 }
 
 // (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node, whose potential is known, and its neighbour.
 fn slope_from(wedge: Wedge, at: Spot, to: Spot) -> f32 {
     let solid = solid_of(wedge.object);
-    if (kind_of(solid) == CAPSULE) { return 0.0; }
-    if (wedge.is_round) {
-        let second = second_curvature(solid, in_frame(solid, at));
-        return round_potential(solid, second, in_frame(solid, to)) / wedge.potential - 1.0;
-    }
+    // Before what is round there are no walls.
+    if (wedge.of_edge == 0.0) { return 0.0; }
     let angle = nearest_angle(solid, in_frame(solid, at));
     if (!angle.exists) { return 0.0; }
     let other = potential_around(coordinates(angle, in_frame(solid, to)), angle.radius);
-    return other / wedge.potential - 1.0;
+    return wedge.of_edge * (other / wedge.potential - 1.0);
 }
