@@ -26,7 +26,7 @@ impl Cuboid {
         let mut areas = [0.0; 6];
         for [a, b, c] in triangles.iter().map(|corners| corners.map(|at| turned * at)) {
             let is_in = |face: &usize| {
-                let (axis, at) = (face / 2, if face % 2 == 0 { min } else { max });
+                let (axis, at) = (face / 2, if face.is_multiple_of(2) { min } else { max });
                 [a, b, c].iter().all(|corner| (corner[axis] - at[axis]).abs() <= flat)
             };
             areas[(0..6).find(is_in)?] += 0.5 * (b - a).cross(c - a).length();
