@@ -95,8 +95,8 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
     Ok(Placed { simulator, gpu: Some(Graphics::Lattice(gpu)) })
 }
 
-/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges or solids of triangles that are no box, or the
-/// adapter does not suffice for it.
+/// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, or solids of
+/// triangles that are no box, or the adapter does not suffice for it.
 fn finding_objects(
     scene: &Scene,
     sensor: &Sensor,

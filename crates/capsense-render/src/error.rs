@@ -25,7 +25,8 @@ pub enum RenderError {
     },
     /// An object is none of those that are found as solids.
     #[error(
-        "object {object} is a triangle mesh and no box; a graphics adapter finds boxes, spheres, capsules and cylinders as solids"
+        "object {object} is a triangle mesh and no box; a graphics adapter finds boxes, spheres, capsules and cylinders \
+         as solids"
     )]
     NotConvex {
         /// Index of the object.

@@ -2,7 +2,7 @@
 //!
 //! The other source of geometry beside the depth camera. It sees all sides of an object, at any size of mesh cell, and
 //! silhouettes have no pixels. Points and segments are taken to the object's frame, where the answers have closed forms
-//! (`convex`) or come from the triangles (`enclosed`). What may differ from one frame to the next follows from the
+//! (`convex`) or come from the triangles (`enclosed`), unless these are a box (`cuboid`). What may differ from one frame to the next follows from the
 //! poses alone (`surface_tree`).
 
 mod convex;
@@ -14,9 +14,7 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{
-    Earlier, Frame, Regions, RightAngled, RightAngles, Round, Side, Span, Surfaces, span_in_box,
-};
+use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Side, Span, Surfaces, span_in_box};
 use convex::Convex;
 use cuboid::Cuboid;
 use enclosed::Enclosed;
@@ -152,11 +150,6 @@ impl Solids {
     pub fn boxes_around_edges(&self, object: usize) -> impl ExactSizeIterator<Item = (Aabb, u32)> {
         self.solids[object].edges.boxes()
     }
-
-    fn is_cylinder(&self, object: usize) -> bool {
-        let angles = self.right_angles(object);
-        angles.is_some_and(|angles| matches!(angles.solid, RightAngled::Cylinder { .. }))
-    }
 }
 
 impl Solid {
@@ -202,6 +195,11 @@ impl Solid {
             is_ball: matches!(shape, Shape::Sphere { .. }),
             place,
         })
+    }
+
+    /// Whether it has a round surface, before which the field is known.
+    fn is_round(&self) -> bool {
+        matches!(self.body, Body::Convex(Convex::Capsule { .. } | Convex::Cylinder { .. }))
     }
 
     fn enclosed(enclosed: Enclosed) -> Self {
@@ -369,7 +367,7 @@ impl Surfaces for Solids {
             } else {
                 let first = boxes.len();
                 solid.surface.append_regions([&earlier, &now], spacing, boxes);
-                if self.roundness(object).is_some() || self.is_cylinder(object) {
+                if solid.is_round() {
                     regions.are_around_edges(first);
                 }
                 solid.edges.append_regions_at_edges([&earlier, &now], spacing, regions.around_edges());
