@@ -4,6 +4,7 @@ mod design;
 mod error;
 mod generated;
 mod grading;
+mod lattices;
 mod rim;
 mod wall;
 

@@ -298,6 +298,12 @@ impl Simulator {
         &self.capacitance
     }
 
+    /// The same with all objects at 0 V: over the electrodes, those objects that find their own potential, and ground, of which gaps
+    /// alone tell.
+    pub(crate) fn with_objects_held(&self) -> &CapacitanceMatrix {
+        &self.held
+    }
+
     /// Entries of the Maxwell matrix between each electrode and ground with all that is grounded: farads, negative.
     /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
     /// them. A capacitance from an object to ground is not part of it.

@@ -156,12 +156,21 @@ pub fn graded_axis(
     finest: f64,
     growth: f64,
 ) -> Vec<f64> {
-    let spacing = |_, distance: f64| finest + (growth - 1.0) * distance;
+    let spacing = |place: Along| finest + (growth - 1.0) * place.distance;
     spaced_axis(low, high, planes, fine, f64::INFINITY, spacing)
 }
 
-/// Coordinates from `low` to `high` whose spacing follows a function of the place and of its distance from the nearest of
-/// `planes` and of the fine intervals. All of `planes` and the ends of the fine intervals are among the coordinates.
+/// A place along an axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Along {
+    pub(crate) coordinate: f64,
+    /// From the nearest of the planes and of the fine intervals.
+    pub(crate) distance: f64,
+    /// How far the nearest of the fixed coordinates is from its own nearest neighbour: no cell there can be larger.
+    pub(crate) room: f64,
+}
+
+/// Coordinates from `low` to `high` whose spacing follows a function of the place among `planes` and fine intervals. All of `planes` and the ends of the fine intervals are among the coordinates.
 ///
 /// Between two fixed coordinates the others are placed so that each step takes the same share of ∫ dx/s(x). There are as
 /// many as that asks for, and up to twice as many where cells on both sides of a fixed one would differ by more than a
@@ -172,7 +181,7 @@ pub(crate) fn spaced_axis(
     planes: &[f64],
     fine: &[[f64; 2]],
     unequal: f64,
-    spacing: impl Fn(f64, f64) -> f64,
+    spacing: impl Fn(Along) -> f64,
 ) -> Vec<f64> {
     let mut fixed: Vec<f64> = planes
         .iter()
@@ -189,7 +198,15 @@ pub(crate) fn spaced_axis(
         let to_fine = fine.iter().map(|&[a, b]| (a - x).max(x - b).max(0.0));
         to_planes.chain(to_fine).fold(high - low, f64::min)
     };
-    let density = |x: f64| 1.0 / spacing(x, distance(x));
+    // What is fine between two ends may have any cells beyond these.
+    let is_plane = |x: f64| planes.iter().any(|plane| (plane - x).abs() <= tolerance);
+    let room_at = |at: &[f64]| if is_plane(at[1]) { (at[1] - at[0]).min(at[2] - at[1]) } else { high - low };
+    let rooms: Vec<(f64, f64)> = fixed.windows(3).map(|at| (at[1], room_at(at))).collect();
+    let room = |x: f64| {
+        let nearest = rooms.iter().min_by(|a, b| (x - a.0).abs().total_cmp(&(x - b.0).abs()));
+        nearest.map_or(high - low, |(_, room)| *room)
+    };
+    let density = |x: f64| 1.0 / spacing(Along { coordinate: x, distance: distance(x), room: room(x) });
     let mut spans: Vec<Span> = fixed.windows(2).map(|pair| Span::new(pair[0], pair[1], &density)).collect();
     while let Some(coarser) = uneven(&spans, unequal) {
         spans[coarser].cells += 1;

@@ -13,7 +13,7 @@ pub use background::Background;
 pub use bisection::{Bisection, Refinement, largest_first};
 pub use edges::{EdgeList, Edges};
 pub use gradients::barycentric_gradients;
-pub(crate) use lattice::spaced_axis;
+pub(crate) use lattice::{Along, spaced_axis};
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use numbering::places;
 pub use quality::MeshQuality;

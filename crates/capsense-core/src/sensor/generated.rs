@@ -76,7 +76,7 @@ impl SensorDesign {
             parts.map(|part| if part > 1.0 { HALVED * part.powi(3) } else { 1.0 }).sum()
         };
         let (mut fits, mut exceeds) = (extent, 1e-6 * extent);
-        for _ in 0..super::design::SPACING_STEPS {
+        for _ in 0..super::lattices::SPACING_STEPS {
             let middle = (fits * exceeds).sqrt();
             *(if foreseen(middle) <= max_tets as f64 { &mut fits } else { &mut exceeds }) = middle;
         }

@@ -5,6 +5,7 @@
 //! elsewhere.
 
 use crate::geometry::Aabb;
+use crate::mesh::Along;
 use glam::DVec2;
 
 /// Growth towards walls that are far, in parts of that beyond the workspace, to which it adds.
@@ -17,6 +18,17 @@ pub(super) struct Pattern {
     pub(super) rims: DVec2,
     /// How far electrode edges that follow each other along x or y are apart, the median, in metres.
     pub(super) feature: f64,
+}
+
+/// How a lattice differs from what is best for most sensors.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Variation {
+    /// By which factor layers are higher.
+    pub(super) height: f64,
+    /// By which factor cells are longer along x, and shorter along y.
+    pub(super) aspect: f64,
+    /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
+    pub(super) crowding: f64,
 }
 
 /// Spacing along the three axes, in metres, as a function of the place.
@@ -36,6 +48,8 @@ pub(super) struct Grading {
     ceiling: f64,
     /// By which factor cells on both sides of an electrode's edge may differ: rims want them alike.
     unequal: f64,
+    /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
+    crowding: f64,
 }
 
 impl Grading {
@@ -51,19 +65,21 @@ impl Grading {
             beyond: 0.0,
             ceiling: f64::INFINITY,
             unequal: f64::INFINITY,
+            crowding: f64::INFINITY,
         }
     }
 
     /// What leaves the least errors with so many tetrahedra, of changes of C by grounded and floating bodies all over the
     /// workspace: for three stripes in a cube at 10,000 to 300,000, in scans that are not kept. Across the longer rims it pays
-    /// to be finer. Layers are `height` times as high as usual.
-    pub(super) fn for_workspace(finest: f64, height: f64, tets: usize, pattern: Pattern) -> Self {
+    /// to be finer.
+    pub(super) fn for_workspace(finest: f64, variation: Variation, tets: usize, pattern: Pattern) -> Self {
+        let Variation { height, aspect, .. } = variation;
         let Pattern { rims: along, feature } = pattern;
         let fewer = 30_000.0 / tets as f64;
         let part = fewer.powf(0.25).min(1.3);
         let unequal = (along.x / along.y).powf(0.09).clamp(0.75, 1.33);
         Self {
-            finest: [finest * unequal, finest / unequal],
+            finest: [finest * unequal * aspect, finest / (unequal * aspect)],
             across: 0.56 * height * finest.min(feature) * part.max(1.0).powi(2),
             between: 0.27 * part,
             beside: 0.6 * fewer.cbrt().min(1.3),
@@ -72,6 +88,7 @@ impl Grading {
             beyond: 0.15,
             ceiling: 0.165 * height * fewer.powf(0.3),
             unequal: 1.4 * part.max(1.0).powi(2),
+            crowding: variation.crowding,
         }
     }
 
@@ -85,21 +102,20 @@ impl Grading {
         FAR * self.beyond * outside
     }
 
-    /// Spacing along one axis of a domain at a place that is so far from the nearest of the fixed coordinates, of which the first
-    /// and the last are given; all in metres.
+    /// Spacing along one axis of a domain at a place among fixed coordinates, of which the first and the last are given; all in
+    /// metres. Beside an edge of an electrode cells are as large as the next edge leaves them, where that is less.
     pub(super) fn spacing(
         &self,
         axis: usize,
         domain: &Aabb,
         [first, last]: [f64; 2],
-        place: f64,
-        distance: f64,
+        Along { coordinate: place, distance, room }: Along,
     ) -> f64 {
         // The workspace ends half way to the walls.
         let outside =
             distance - 0.5 * if place < first { first - domain.min[axis] } else { domain.max[axis] - last };
         let beyond = self.beyond * outside.max(0.0);
-        let least = if axis == 2 { self.across } else { self.finest[axis] };
+        let least = if axis == 2 { self.across } else { self.finest[axis].min(self.crowding * room) };
         if (first..=last).contains(&place) {
             least + self.between * distance
         } else if axis < 2 {

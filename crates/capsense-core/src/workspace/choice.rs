@@ -7,6 +7,7 @@
 
 use super::{Change, Probed, Probes};
 use crate::geometry::Shape;
+use crate::material::Connection;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
@@ -170,14 +171,15 @@ struct Search<'a> {
 impl Search<'_> {
     fn probed(&self, sensor: Sensor) -> Result<Probed, WorkspaceError> {
         let MeshRequest { tolerance, probes, threads, .. } = self.request;
-        Probed::new(sensor, Shape::Box { size: probes.plate }, *tolerance, *threads)
+        let plate = Shape::Box { size: probes.plate };
+        Probed::new(sensor, &[plate], Connection::Grounded, *tolerance, *threads)
     }
 
     fn rung(&self, allowed: usize) -> Result<Rung, WorkspaceError> {
         let sensor = Sensor::generated(self.design, MeshKind::Lattice, allowed)?;
         let tets = sensor.mesh().tets().len();
         let mut probed = self.probed(sensor)?;
-        let changes = self.request.probes.places.iter().map(|&place| probed.change(place));
+        let changes = self.request.probes.places.iter().map(|&place| probed.change(0, place));
         Ok(Rung { allowed, tets, changes: changes.collect::<Result<_, _>>()? })
     }
 
@@ -289,7 +291,7 @@ impl Search<'_> {
         let mut probed = self.probed(sensor)?;
         let mut largest = 0.0f64;
         for (at, &place) in probes.places.iter().enumerate() {
-            largest = largest.max(self.error(tets, &probed.change(place)?, reference, at)?);
+            largest = largest.max(self.error(tets, &probed.change(0, place)?, reference, at)?);
             if largest >= *tolerance {
                 self.last = largest;
                 return Ok(None);

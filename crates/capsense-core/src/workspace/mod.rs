@@ -18,6 +18,7 @@ pub use change::{Change, ChangeError};
 pub use choice::{MeshChoice, MeshRequest, WorkspaceError};
 pub use most_accurate::most_accurate;
 
+use crate::capacitance::CapacitanceMatrix;
 use crate::geometry::{Pose, Shape};
 use crate::material::{Connection, Material};
 use crate::sensor::{Sensor, SensorDesign};
@@ -107,37 +108,58 @@ impl Probes {
     }
 }
 
-/// A sensor with the plate, or another conductor, near it.
+/// A sensor with one of some conducting bodies near it.
 pub(crate) struct Probed {
     simulator: Simulator,
-    solids: Solids,
+    bodies: Vec<Solids>,
 }
 
 impl Probed {
     /// Solves so exactly that it can be told whether the sensor's mesh meets a tolerance of ΔC.
     pub(crate) fn new(
         sensor: Sensor,
-        body: Shape,
+        bodies: &[Shape],
+        connection: Connection,
         tolerance: f64,
         threads: Option<usize>,
     ) -> Result<Self, WorkspaceError> {
         let tolerance = (SOLVED * tolerance).max(FINEST_SOLVED);
         let options = SolverOptions { tolerance, threads, ..SolverOptions::default() };
-        let grounded = Material::Conductor(Connection::Grounded);
         Ok(Self {
-            simulator: Simulator::new(sensor, vec![grounded], options)?,
-            solids: Solids::new(&[body])?,
+            simulator: Simulator::new(sensor, vec![Material::Conductor(connection)], options)?,
+            bodies: bodies
+                .iter()
+                .map(|body| Solids::new(std::slice::from_ref(body)))
+                .collect::<Result<_, _>>()?,
         })
     }
 
-    /// What the body changes of C with its centre at a place.
-    pub(crate) fn change(&mut self, place: DVec3) -> Result<Change, WorkspaceError> {
-        self.solids.place(&[Pose::at(place)])?;
-        let _ = self.simulator.step(&self.solids)?;
+    /// What a body changes of C with its centre at a place, by its connection.
+    pub(crate) fn change(&mut self, body: usize, place: DVec3) -> Result<Change, WorkspaceError> {
+        self.step(body, place)?;
+        Ok(Change::between(self.simulator.base(), self.simulator.capacitance()))
+    }
+
+    /// What it changes grounded, though it floats, and what it changes floating.
+    pub(crate) fn changes(&mut self, body: usize, place: DVec3) -> Result<[Change; 2], WorkspaceError> {
+        self.step(body, place)?;
+        let with_body = [self.simulator.with_objects_held(), self.simulator.capacitance()];
+        Ok(with_body.map(|with_body| Change::between(self.simulator.base(), with_body)))
+    }
+
+    fn step(&mut self, body: usize, place: DVec3) -> Result<(), WorkspaceError> {
+        self.bodies[body].place(&[Pose::at(place)])?;
+        let _ = self.simulator.step(&self.bodies[body])?;
         if !self.simulator.contacts().is_empty() {
             return Err(WorkspaceError::Touches(place));
         }
-        Ok(Change::between(self.simulator.base(), self.simulator.capacitance()))
+        Ok(())
+    }
+
+    /// C without the bodies, as a change from nothing.
+    pub(crate) fn empty(&self) -> Change {
+        let empty = self.simulator.base();
+        Change::between(&CapacitanceMatrix::zeros(empty.size()), empty)
     }
 
     /// The sensor again.

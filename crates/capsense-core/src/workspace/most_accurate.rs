@@ -7,6 +7,7 @@
 use super::choice::{FINER, expected_ratio};
 use super::{Change, Probed, Probes, WorkspaceError, electrode_bounds, top};
 use crate::geometry::Shape;
+use crate::material::Connection;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use glam::{DVec2, DVec3};
 use std::ops::RangeInclusive;
@@ -20,9 +21,17 @@ const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
 const SIZES: i32 = 3;
 const SMALLER: f64 = 0.917_004_043_204_671_2;
 
+/// How many times as many tetrahedra the lattice has that others are compared with, up to so many; above that, as many times as where
+/// a tolerance is asked for.
+const MUCH_FINER: usize = 8;
+const LARGE: usize = 1_200_000;
+
+/// For how many changes C without bodies counts.
+const OF_EMPTY: usize = 4;
+
 /// A smaller mesh is taken where its error is below this part of that of all larger ones: where nobody looks, more tetrahedra are
 /// better.
-const CLEARLY: f64 = 0.9;
+const CLEARLY: f64 = 0.8;
 
 /// Errors are compared of changes that are this exact, relative to them.
 const EXACT: f64 = 0.003;
@@ -72,66 +81,67 @@ pub fn most_accurate(
     max_tets: usize,
     threads: Option<usize>,
 ) -> Result<Sensor, SensorError> {
-    let largest = Sensor::generated(design, kind, max_tets)?;
+    let usual = Sensor::generated(design, kind, max_tets)?;
     if !COMPARED.contains(&max_tets) {
-        return Ok(largest);
+        return Ok(usual);
     }
-    let comparison = Comparison::new(design, max_tets, threads);
-    let best = comparison.and_then(|comparison| comparison.best(design, kind, max_tets, &largest));
-    // Where nothing can be told, more tetrahedra are better.
-    Ok(best.ok().flatten().unwrap_or(largest))
+    let smaller = (1..SIZES).map_while(|size| {
+        // None where these are too few for the electrodes.
+        Sensor::generated(design, kind, (max_tets as f64 * SMALLER.powi(size)) as usize).ok()
+    });
+    let varied = match kind {
+        MeshKind::Lattice => design.lattices(max_tets)?,
+        MeshKind::Bisection => Vec::new(),
+    };
+    let varied = varied.iter().skip(1).filter_map(|lattice| Sensor::on_lattice(design, lattice).ok());
+    let best = Comparison::new(design, max_tets, threads)
+        .and_then(|comparison| comparison.best(&usual, smaller.chain(varied)));
+    // Where nothing can be told, the usual one is taken.
+    Ok(best.ok().flatten().unwrap_or(usual))
 }
 
 /// What meshes are compared by.
 struct Comparison {
-    bodies: Vec<Body>,
-    /// Tetrahedra of the lattice on which their changes are exact.
+    bodies: Vec<Shape>,
+    /// Bodies by their index, where they are put, and what they change there, grounded and floating.
+    places: Vec<(usize, DVec3, [Change; 2])>,
+    /// C without them.
+    empty: Change,
+    /// Tetrahedra of the lattice on which these are exact.
     tets: usize,
     threads: Option<usize>,
 }
 
-/// A body, its places, and what it changes there.
-struct Body {
-    shape: Shape,
-    places: Vec<DVec3>,
-    exact: Vec<Change>,
-}
-
 impl Comparison {
     fn new(design: &SensorDesign, max_tets: usize, threads: Option<usize>) -> Result<Self, WorkspaceError> {
-        let finer = Sensor::generated(design, MeshKind::Lattice, (FINER * max_tets as f64) as usize)?;
+        let finer = (MUCH_FINER * max_tets).min(LARGE).max((FINER * max_tets as f64) as usize);
+        let finer = Sensor::generated(design, MeshKind::Lattice, finer)?;
         let tets = finer.mesh().tets().len();
-        let Probes { plate, places } = Probes::around(design);
-        let bodies = [(Shape::Box { size: plate }, places), ball(design)].map(|(shape, places)| {
-            let mut probed = Probed::new(finer.clone(), shape.clone(), EXACT, threads)?;
-            let exact = places.iter().map(|&place| probed.change(place)).collect::<Result<_, _>>()?;
-            Ok(Body { shape, places, exact })
-        });
-        let bodies = bodies.into_iter().collect::<Result<_, WorkspaceError>>()?;
-        Ok(Self { bodies, tets, threads })
+        let plate = Probes::around(design);
+        let (ball, of_ball) = ball(design, RADIUS, GAPS, ASIDE);
+        let (small, of_small) = ball_small(design);
+        let bodies = vec![Shape::Box { size: plate.plate }, ball, small];
+        let mut probed = Probed::new(finer, &bodies, Connection::Floating, EXACT, threads)?;
+        let places = plate.places.into_iter().map(|place| (0, place));
+        let places = places.chain(of_ball.into_iter().map(|place| (1, place)));
+        let places = places.chain(of_small.into_iter().map(|place| (2, place)));
+        let places = places
+            .map(|(body, place)| Ok((body, place, probed.changes(body, place)?)))
+            .collect::<Result<_, WorkspaceError>>()?;
+        Ok(Self { bodies, places, empty: probed.empty(), tets, threads })
     }
 
-    /// The best of some meshes, the largest of which is there; none where that is no worse.
+    /// The best of some meshes, of which the first has an error already; none where that is not clearly worse.
     fn best(
         &self,
-        design: &SensorDesign,
-        kind: MeshKind,
-        max_tets: usize,
-        largest: &Sensor,
+        first: &Sensor,
+        others: impl Iterator<Item = Sensor>,
     ) -> Result<Option<Sensor>, WorkspaceError> {
-        let mut least = self.error(largest, f64::INFINITY)?;
-        let (mut best, mut tried) = (None, vec![largest.mesh().tets().len()]);
-        for size in 1..SIZES {
-            let allowed = (max_tets as f64 * SMALLER.powi(size)) as usize;
-            // Too few for the electrodes.
-            let Ok(sensor) = Sensor::generated(design, kind, allowed) else { break };
-            let (tets, bound) = (sensor.mesh().tets().len(), CLEARLY * least);
-            if tried.contains(&tets) {
-                continue;
-            }
-            tried.push(tets);
-            if let Ok(error) = self.error(&sensor, bound)
-                && error < bound
+        let mut least = CLEARLY * self.error(first, f64::INFINITY)?;
+        let mut best = None;
+        for sensor in others {
+            if let Ok(error) = self.error(&sensor, least)
+                && error < least
             {
                 (least, best) = (error, Some(sensor));
             }
@@ -139,18 +149,22 @@ impl Comparison {
         Ok(best)
     }
 
-    /// The square mean of the errors of a mesh with the bodies at all places, or one that is no less than some bound.
+    /// The square mean of the errors of a mesh with the bodies at all places, grounded and floating, and without them, or one that is no
+    /// less than some bound.
     fn error(&self, sensor: &Sensor, bound: f64) -> Result<f64, WorkspaceError> {
         let left = expected_ratio(sensor.mesh().tets().len(), self.tets).unwrap_or(1.0);
-        let mut mean = 0.0;
-        for Body { shape, places, exact } in &self.bodies {
-            let mut probed = Probed::new(sensor.clone(), shape.clone(), EXACT, self.threads)?;
-            for (&place, exact) in places.iter().zip(exact) {
-                let error = probed.change(place)?.error(exact).ok_or(WorkspaceError::NotFelt(place))?;
-                mean += (error.of_all / (1.0 - left)).powi(2) / (self.bodies.len() * places.len()) as f64;
-                if mean >= bound * bound {
-                    return Ok(bound);
-                }
+        let mut probed =
+            Probed::new(sensor.clone(), &self.bodies, Connection::Floating, EXACT, self.threads)?;
+        let share = 1.0 / (OF_EMPTY + 2 * self.places.len()) as f64;
+        let squared = |ours: &Change, exact: &Change| {
+            ours.error(exact).map_or(0.0, |error| share * (error.of_all / (1.0 - left)).powi(2))
+        };
+        let mut mean = OF_EMPTY as f64 * squared(&probed.empty(), &self.empty);
+        for (body, place, exact) in &self.places {
+            let changes = probed.changes(*body, *place)?;
+            mean += changes.iter().zip(exact).map(|(ours, exact)| squared(ours, exact)).sum::<f64>();
+            if mean >= bound * bound {
+                return Ok(bound);
             }
         }
         Ok(mean.sqrt())
@@ -158,12 +172,21 @@ impl Comparison {
 }
 
 /// A ball, and where its centre is put.
-fn ball(design: &SensorDesign) -> (Shape, Vec<DVec3>) {
+fn ball_small(design: &SensorDesign) -> (Shape, Vec<DVec3>) {
+    ball(
+        design,
+        0.2,
+        [0.15, 0.3, 0.5, 0.2],
+        [DVec2::new(0.25, 0.1), DVec2::new(-0.1, -0.2), DVec2::new(-0.3, 0.1), DVec2::new(0.05, 0.3)],
+    )
+}
+
+fn ball(design: &SensorDesign, radius: f64, gaps: [f64; 4], aside: [DVec2; 4]) -> (Shape, Vec<DVec3>) {
     let ((low, high), top) = (electrode_bounds(design), top(design));
     let side = (high - low).max_element().min(LONGEST * (design.domain.max.z - top));
-    let places = GAPS
+    let places = gaps
         .into_iter()
-        .zip(ASIDE)
-        .map(|(gap, aside)| (0.5 * (low + high) + side * aside).extend(top + (gap + RADIUS) * side));
-    (Shape::Sphere { radius: RADIUS * side }, places.collect())
+        .zip(aside)
+        .map(|(gap, aside)| (0.5 * (low + high) + side * aside).extend(top + (gap + radius) * side));
+    (Shape::Sphere { radius: radius * side }, places.collect())
 }

@@ -1,0 +1,235 @@
+//! Lattices that suit a sensor's electrodes and board.
+
+use super::grading::{Grading, Pattern, Variation};
+use super::{IN_PLANE, SensorDesign, SensorError};
+use crate::electrode::Electrode;
+use crate::geometry::Aabb;
+use crate::mesh::{Along, InvalidAxis, Lattice, spaced_axis};
+use glam::DVec2;
+
+/// Bisections of the lattice spacing: to 1e-6 of it. The count jumps there, and closer to the jump rounding would give
+/// mirrored intervals different numbers of cells.
+pub(super) const SPACING_STEPS: usize = 24;
+
+/// Heights of layers that are tried, in relation to what usually is best; the first is the most.
+const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
+
+/// What unusual heights cost.
+const UNUSUAL: f64 = 1.5;
+
+/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side, as long as
+/// there are enough elements for the first, or the second.
+const CROWDING: [f64; 5] = [1.0, 1.5, 2.0, 3.0, f64::INFINITY];
+
+/// Cells on both sides of an electrode's edge may differ by this factor before that costs something.
+const UNEVEN: f64 = 1.6;
+
+/// Where there are fewer tetrahedra, cells are as large as electrodes, and none of this helps.
+const FEW: usize = 12_000;
+
+/// How lattices vary that are compared with each other: in the heights of layers, by which factor cells are longer along x and shorter
+/// along y, and in [`CROWDING`].
+const VARIED_HEIGHTS: [f64; 6] = [1.0, 1.15, 1.3, 1.5, 0.9, 0.8];
+const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
+const VARIED_CROWDING: [f64; 3] = [1.0, 2.0, f64::INFINITY];
+
+/// Lattices of less than this part of the tetrahedra are none of those.
+const WORTH_COMPARING: f64 = 0.6;
+
+/// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
+/// at least. Bodies move half as far.
+const REACH: f64 = 5.0;
+const LEAST_REACH: f64 = 0.5;
+
+impl SensorDesign {
+    /// The finest graded lattice of at most so many tetrahedra: electrode edges, electrode planes and the board lie
+    /// in lattice planes, spacing is smallest there and grows away from them.
+    ///
+    /// # Errors
+    /// When the design is invalid or even the coarsest lattice has more tetrahedra.
+    pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
+        self.validate()?;
+        let extent = self.domain.size().max_element();
+        let pattern = self.pattern();
+        let graded = |finest: f64, height: f64, crowding: f64| {
+            let variation = Variation { height, aspect: 1.0, crowding };
+            Grading::for_workspace(finest, variation, max_tets, pattern)
+        };
+        let coarsest = self.graded_lattice(graded(extent, HEIGHTS[0], f64::INFINITY))?;
+        if coarsest.tet_count() > max_tets {
+            return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
+        }
+        // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers. Where they are
+        // so narrow that none of a lattice's nodes are within them, they need more than their part.
+        let mut best = ((true, f64::INFINITY), coarsest);
+        let (crowdings, uneven) =
+            if max_tets < FEW { (&CROWDING[4..], f64::INFINITY) } else { (&CROWDING[..], UNEVEN) };
+        for &crowding in crowdings {
+            for height in HEIGHTS {
+                let (finest, lattice) =
+                    self.finest_lattice(max_tets, |finest| graded(finest, height, crowding))?;
+                // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
+                let coarseness = finest.min(pattern.feature)
+                    * height.sqrt()
+                    * (1.0 + UNUSUAL * height.ln().powi(2))
+                    * (self.unevenness(&lattice) / uneven).max(1.0);
+                let rank = (!self.is_resolved_by(&lattice), coarseness);
+                if lattice.tet_count() <= max_tets && rank < best.0 {
+                    best = (rank, lattice);
+                }
+            }
+        }
+        Ok(best.1)
+    }
+
+    /// By which factor cells on both sides of an electrode's edge differ at most.
+    fn unevenness(&self, lattice: &Lattice) -> f64 {
+        let slack = IN_PLANE * self.domain.size().max_element();
+        let mut most = 1.0f64;
+        for axis in 0..2 {
+            let planes = &lattice.axes()[axis];
+            for edge in self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis)) {
+                let at = planes.partition_point(|plane| *plane < edge - slack).clamp(1, planes.len() - 2);
+                let ratio = (planes[at + 1] - planes[at]) / (planes[at] - planes[at - 1]);
+                most = most.max(ratio).max(ratio.recip());
+            }
+        }
+        most
+    }
+
+    /// Lattices of at most so many tetrahedra, one of which may suit the electrodes better than others: [`SensorDesign::lattice`]
+    /// first, then such with higher or lower layers, that are finer along x or along y, and that follow electrode edges close
+    /// to each other more or less.
+    ///
+    /// # Errors
+    /// As [`SensorDesign::lattice`].
+    pub fn lattices(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
+        let mut lattices = vec![self.lattice(max_tets)?];
+        let pattern = self.pattern();
+        let least = (WORTH_COMPARING * max_tets as f64) as usize;
+        for crowding in VARIED_CROWDING {
+            for aspect in VARIED_ASPECTS {
+                for height in VARIED_HEIGHTS {
+                    let variation = Variation { height, aspect, crowding };
+                    let grading = |finest| Grading::for_workspace(finest, variation, max_tets, pattern);
+                    let (_, lattice) = self.finest_lattice(max_tets, grading)?;
+                    if (least..=max_tets).contains(&lattice.tet_count())
+                        && self.is_resolved_by(&lattice)
+                        && !lattices.contains(&lattice)
+                    {
+                        lattices.push(lattice);
+                    }
+                }
+            }
+        }
+        Ok(lattices)
+    }
+
+    /// Whether each electrode has a node within its rim.
+    fn is_resolved_by(&self, lattice: &Lattice) -> bool {
+        let [xs, ys, _] = lattice.axes();
+        let slack = IN_PLANE * self.domain.size().max_element();
+        self.electrodes.iter().all(|Electrode { outline, .. }| {
+            let [low, high] = outline.bounds();
+            let between = |low: f64, high: f64| move |x: &&f64| (low..=high).contains(*x);
+            xs.iter().filter(between(low.x, high.x)).any(|&x| {
+                let mut nodes = ys.iter().filter(between(low.y, high.y)).map(|&y| DVec2::new(x, y));
+                nodes.any(|node| outline.contains(node) && outline.distance_to_rim(node) > slack)
+            })
+        })
+    }
+
+    /// The lattice of the finest spacing that has no more tetrahedra, and this spacing; the coarsest if that has more.
+    pub(super) fn finest_lattice(
+        &self,
+        max_tets: usize,
+        grading: impl Fn(f64) -> Grading,
+    ) -> Result<(f64, Lattice), SensorError> {
+        let extent = self.domain.size().max_element();
+        // The count falls with the spacing (but for rounding): bisect on the logarithm of the spacing.
+        let (mut fits, mut exceeds) = (extent, 1e-5 * extent);
+        let mut best = self.graded_lattice(grading(extent))?;
+        for _ in 0..SPACING_STEPS {
+            let middle = (fits * exceeds).sqrt();
+            let lattice = self.graded_lattice(grading(middle))?;
+            if lattice.tet_count() <= max_tets {
+                (fits, best) = (middle, lattice);
+            } else {
+                exceeds = middle;
+            }
+        }
+        Ok((fits, best))
+    }
+
+    /// What a lattice should know of the electrodes.
+    fn pattern(&self) -> Pattern {
+        let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
+        let mut gaps: Vec<f64> = (0..2)
+            .flat_map(|axis| {
+                let mut edges: Vec<f64> = self
+                    .electrodes
+                    .iter()
+                    .flat_map(|electrode| electrode.outline.axis_planes(axis))
+                    .collect();
+                edges.sort_by(f64::total_cmp);
+                edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
+            })
+            .filter(|gap| *gap > IN_PLANE * self.domain.size().max_element())
+            .collect();
+        gaps.sort_by(f64::total_cmp);
+        Pattern { rims, feature: gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY) }
+    }
+
+    /// The graded lattice whose spacing at the electrodes is `finest` metres, and away from them grows by a factor from
+    /// cell to cell.
+    ///
+    /// # Errors
+    /// When the coordinates are no lattice, as for a spacing that is not positive or a factor below one.
+    pub fn lattice_of_spacing(&self, finest: f64, growth: f64) -> Result<Lattice, SensorError> {
+        if !(finest > 0.0 && growth >= 1.0 && growth.is_finite()) {
+            return Err(InvalidAxis { axis: 0 }.into());
+        }
+        self.graded_lattice(Grading::even(finest, growth - 1.0))
+    }
+
+    /// The part of the domain that spacing is chosen for. Bodies move within reach of the sensor, however far the wall is.
+    fn near(&self) -> Aabb {
+        let bounds = self
+            .electrodes
+            .iter()
+            .flat_map(|electrode| electrode.outline.bounds().map(|corner| corner.extend(electrode.z)));
+        let around = Aabb::around(bounds);
+        let reach = (REACH * around.size().max_element()).max(LEAST_REACH);
+        Aabb {
+            min: (around.min - reach).max(self.domain.min),
+            max: (around.max + reach).min(self.domain.max),
+        }
+    }
+
+    fn graded_lattice(&self, grading: Grading) -> Result<Lattice, SensorError> {
+        let board = self.substrate.map(|board| board.bounds());
+        let near = self.near();
+        let mut axes = [const { Vec::new() }; 3];
+        for (axis, coordinates) in axes.iter_mut().enumerate() {
+            let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
+            let mut fine = Vec::new();
+            for electrode in &self.electrodes {
+                if axis == 2 {
+                    planes.push(electrode.z);
+                } else {
+                    planes.extend(electrode.outline.axis_planes(axis));
+                    fine.extend(electrode.outline.fine_intervals(axis));
+                }
+            }
+            let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
+            let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
+            let spacing = |place: Along| {
+                let beyond = (near.min[axis] - place.coordinate).max(place.coordinate - near.max[axis]);
+                grading.spacing(axis, &near, ends, place) + grading.far(beyond.max(0.0))
+            };
+            let (low, high) = (self.domain.min[axis], self.domain.max[axis]);
+            *coordinates = spaced_axis(low, high, &planes, &fine, grading.unequal(axis), spacing);
+        }
+        Ok(Lattice::new(axes)?)
+    }
+}
