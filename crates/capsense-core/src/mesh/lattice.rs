@@ -170,7 +170,15 @@ pub(crate) struct Along {
     pub(crate) room: f64,
 }
 
-/// Coordinates from `low` to `high` whose spacing follows a function of the place among `planes` and fine intervals. All of `planes` and the ends of the fine intervals are among the coordinates.
+/// A plane or the end of a fine interval, and how far the next fixed coordinate is.
+#[derive(Clone, Copy)]
+struct Anchor {
+    coordinate: f64,
+    room: f64,
+}
+
+/// Coordinates from `low` to `high` whose spacing follows a function of the place among `planes` and fine intervals. All of
+/// `planes` and the ends of the fine intervals are among the coordinates.
 ///
 /// Between two fixed coordinates the others are placed so that each step takes the same share of ∫ dx/s(x). There are as
 /// many as that asks for, and up to twice as many where cells on both sides of a fixed one would differ by more than a
@@ -193,21 +201,33 @@ pub(crate) fn spaced_axis(
     fixed.sort_by(f64::total_cmp);
     let tolerance = 1e-9 * (high - low);
     fixed.dedup_by(|b, a| (*b - *a).abs() <= tolerance);
-    let distance = |x: f64| {
-        let to_planes = planes.iter().map(|&p| (x - p).abs());
-        let to_fine = fine.iter().map(|&[a, b]| (a - x).max(x - b).max(0.0));
-        to_planes.chain(to_fine).fold(high - low, f64::min)
+    let is_at = |x: f64, others: &[f64]| others.iter().any(|y| (y - x).abs() <= tolerance);
+    let anchors: Vec<Option<Anchor>> = (0..fixed.len())
+        .map(|at| {
+            let coordinate = fixed[at];
+            let is_plane = is_at(coordinate, planes);
+            let is_anchor = is_plane || is_at(coordinate, fine.as_flattened());
+            // What is fine between two ends may have any cells beyond these.
+            let has_room = is_plane && at > 0 && at + 1 < fixed.len();
+            let to_next = || (coordinate - fixed[at - 1]).min(fixed[at + 1] - coordinate);
+            let room = if has_room { to_next() } else { high - low };
+            is_anchor.then_some(Anchor { coordinate, room })
+        })
+        .collect();
+    let span = |at: usize| {
+        let (start, end) = (fixed[at], fixed[at + 1]);
+        let middle = 0.5 * (start + end);
+        let is_fine = fine.iter().any(|[from, to]| (from..=to).contains(&&middle));
+        Span::new(start, end, &|coordinate| {
+            let near = [anchors[at], anchors[at + 1]].into_iter().flatten();
+            let near = near.map(|anchor| ((coordinate - anchor.coordinate).abs(), anchor.room));
+            let far = (high - low, high - low);
+            let (distance, room) = near.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or(far);
+            let distance = if is_fine { 0.0 } else { distance };
+            1.0 / spacing(Along { coordinate, distance, room })
+        })
     };
-    // What is fine between two ends may have any cells beyond these.
-    let is_plane = |x: f64| planes.iter().any(|plane| (plane - x).abs() <= tolerance);
-    let room_at = |at: &[f64]| if is_plane(at[1]) { (at[1] - at[0]).min(at[2] - at[1]) } else { high - low };
-    let rooms: Vec<(f64, f64)> = fixed.windows(3).map(|at| (at[1], room_at(at))).collect();
-    let room = |x: f64| {
-        let nearest = rooms.iter().min_by(|a, b| (x - a.0).abs().total_cmp(&(x - b.0).abs()));
-        nearest.map_or(high - low, |(_, room)| *room)
-    };
-    let density = |x: f64| 1.0 / spacing(Along { coordinate: x, distance: distance(x), room: room(x) });
-    let mut spans: Vec<Span> = fixed.windows(2).map(|pair| Span::new(pair[0], pair[1], &density)).collect();
+    let mut spans: Vec<Span> = (0..fixed.len() - 1).map(span).collect();
     while let Some(coarser) = uneven(&spans, unequal) {
         spans[coarser].cells += 1;
     }

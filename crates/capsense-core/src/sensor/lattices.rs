@@ -17,9 +17,10 @@ const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
 
-/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side, as long as
-/// there are enough elements for the first, or the second.
-const CROWDING: [f64; 5] = [1.0, 1.5, 2.0, 3.0, f64::INFINITY];
+/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side: any, not at all, or
+/// somewhat.
+const ANY: f64 = f64::INFINITY;
+const CROWDING: [f64; 2] = [1.0, 2.0];
 
 /// Cells on both sides of an electrode's edge may differ by this factor before that costs something.
 const UNEVEN: f64 = 1.6;
@@ -27,11 +28,10 @@ const UNEVEN: f64 = 1.6;
 /// Where there are fewer tetrahedra, cells are as large as electrodes, and none of this helps.
 const FEW: usize = 12_000;
 
-/// How lattices vary that are compared with each other: in the heights of layers, by which factor cells are longer along x and shorter
-/// along y, and in [`CROWDING`].
-const VARIED_HEIGHTS: [f64; 6] = [1.0, 1.15, 1.3, 1.5, 0.9, 0.8];
+/// How lattices vary that are compared with each other: in the heights of layers, and by which factor cells are longer along x and
+/// shorter along y.
+const VARIED_HEIGHTS: [f64; 5] = [1.0, 1.2, 1.45, 0.9, 0.8];
 const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
-const VARIED_CROWDING: [f64; 3] = [1.0, 2.0, f64::INFINITY];
 
 /// Lattices of less than this part of the tetrahedra are none of those.
 const WORTH_COMPARING: f64 = 0.6;
@@ -49,37 +49,81 @@ impl SensorDesign {
     /// When the design is invalid or even the coarsest lattice has more tetrahedra.
     pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
         self.validate()?;
-        let extent = self.domain.size().max_element();
         let pattern = self.pattern();
-        let graded = |finest: f64, height: f64, crowding: f64| {
-            let variation = Variation { height, aspect: 1.0, crowding };
-            Grading::for_workspace(finest, variation, max_tets, pattern)
-        };
-        let coarsest = self.graded_lattice(graded(extent, HEIGHTS[0], f64::INFINITY))?;
+        let highest = Variation { height: HEIGHTS[0], aspect: 1.0, crowding: ANY };
+        let extent = self.domain.size().max_element();
+        let coarsest = self.graded_lattice(Grading::for_workspace(extent, highest, max_tets, pattern))?;
         if coarsest.tet_count() > max_tets {
             return Err(SensorError::TooFewElements { allowed: max_tets, needed: coarsest.tet_count() });
         }
         // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers. Where they are
         // so narrow that none of a lattice's nodes are within them, they need more than their part.
+        let uneven = if max_tets < FEW { f64::INFINITY } else { UNEVEN };
         let mut best = ((true, f64::INFINITY), coarsest);
-        let (crowdings, uneven) =
-            if max_tets < FEW { (&CROWDING[4..], f64::INFINITY) } else { (&CROWDING[..], UNEVEN) };
-        for &crowding in crowdings {
-            for height in HEIGHTS {
-                let (finest, lattice) =
-                    self.finest_lattice(max_tets, |finest| graded(finest, height, crowding))?;
+        for height in HEIGHTS {
+            for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)? {
                 // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
                 let coarseness = finest.min(pattern.feature)
                     * height.sqrt()
                     * (1.0 + UNUSUAL * height.ln().powi(2))
                     * (self.unevenness(&lattice) / uneven).max(1.0);
                 let rank = (!self.is_resolved_by(&lattice), coarseness);
-                if lattice.tet_count() <= max_tets && rank < best.0 {
+                if rank < best.0 {
                     best = (rank, lattice);
                 }
             }
         }
         Ok(best.1)
+    }
+
+    /// Lattices of at most so many tetrahedra, one of which may suit the electrodes better than others: [`SensorDesign::lattice`]
+    /// first, then such with higher or lower layers, that are finer along x or along y, and that follow electrode edges close
+    /// to each other more or less.
+    ///
+    /// # Errors
+    /// As [`SensorDesign::lattice`].
+    pub fn lattices(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
+        let mut lattices = vec![self.lattice(max_tets)?];
+        let least = (WORTH_COMPARING * max_tets as f64) as usize;
+        for aspect in VARIED_ASPECTS {
+            for height in VARIED_HEIGHTS {
+                for (_, lattice) in self.finest_lattices(max_tets, height, aspect)? {
+                    let is_worth = lattice.tet_count() >= least && self.is_resolved_by(&lattice);
+                    if is_worth && !lattices.contains(&lattice) {
+                        lattices.push(lattice);
+                    }
+                }
+            }
+        }
+        Ok(lattices)
+    }
+
+    /// The finest lattices of at most so many tetrahedra, with the spacing at electrodes: one for each crowding that makes a difference.
+    fn finest_lattices(
+        &self,
+        max_tets: usize,
+        height: f64,
+        aspect: f64,
+    ) -> Result<Vec<(f64, Lattice)>, SensorError> {
+        let pattern = self.pattern();
+        let finest = |crowding: f64| {
+            let variation = Variation { height, aspect, crowding };
+            self.finest_lattice(max_tets, |finest| {
+                Grading::for_workspace(finest, variation, max_tets, pattern)
+            })
+        };
+        let mut lattices = vec![finest(ANY)?];
+        if max_tets >= FEW {
+            for crowding in CROWDING {
+                let crowded = finest(crowding)?;
+                if crowded.1 == lattices[0].1 {
+                    break;
+                }
+                lattices.push(crowded);
+            }
+        }
+        lattices.retain(|(_, lattice)| lattice.tet_count() <= max_tets);
+        Ok(lattices)
     }
 
     /// By which factor cells on both sides of an electrode's edge differ at most.
@@ -95,34 +139,6 @@ impl SensorDesign {
             }
         }
         most
-    }
-
-    /// Lattices of at most so many tetrahedra, one of which may suit the electrodes better than others: [`SensorDesign::lattice`]
-    /// first, then such with higher or lower layers, that are finer along x or along y, and that follow electrode edges close
-    /// to each other more or less.
-    ///
-    /// # Errors
-    /// As [`SensorDesign::lattice`].
-    pub fn lattices(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
-        let mut lattices = vec![self.lattice(max_tets)?];
-        let pattern = self.pattern();
-        let least = (WORTH_COMPARING * max_tets as f64) as usize;
-        for crowding in VARIED_CROWDING {
-            for aspect in VARIED_ASPECTS {
-                for height in VARIED_HEIGHTS {
-                    let variation = Variation { height, aspect, crowding };
-                    let grading = |finest| Grading::for_workspace(finest, variation, max_tets, pattern);
-                    let (_, lattice) = self.finest_lattice(max_tets, grading)?;
-                    if (least..=max_tets).contains(&lattice.tet_count())
-                        && self.is_resolved_by(&lattice)
-                        && !lattices.contains(&lattice)
-                    {
-                        lattices.push(lattice);
-                    }
-                }
-            }
-        }
-        Ok(lattices)
     }
 
     /// Whether each electrode has a node within its rim.

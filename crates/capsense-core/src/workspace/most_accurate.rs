@@ -27,7 +27,14 @@ const MUCH_FINER: usize = 8;
 const LARGE: usize = 1_200_000;
 
 /// For how many changes C without bodies counts.
-const OF_EMPTY: usize = 4;
+const OF_EMPTY: f64 = 4.0;
+
+/// Places are looked at in another order than they have: every so-manieth.
+const STRIDE: usize = 4;
+
+/// After so many places a mesh is given up whose errors until then add up to so many times those of the best.
+const PATIENT: usize = 6;
+const HOPEFUL: f64 = 1.3;
 
 /// A smaller mesh is taken where its error is below this part of that of all larger ones: where nobody looks, more tetrahedra are
 /// better.
@@ -122,56 +129,61 @@ impl Comparison {
         let (small, of_small) = ball_small(design);
         let bodies = vec![Shape::Box { size: plate.plate }, ball, small];
         let mut probed = Probed::new(finer, &bodies, Connection::Floating, EXACT, threads)?;
-        let places = plate.places.into_iter().map(|place| (0, place));
-        let places = places.chain(of_ball.into_iter().map(|place| (1, place)));
-        let places = places.chain(of_small.into_iter().map(|place| (2, place)));
+        let of_bodies = [plate.places, of_ball, of_small];
+        let places =
+            (0..).zip(of_bodies).flat_map(|(body, at)| at.into_iter().map(move |place| (body, place)));
+        // Places of all bodies, near and far, are among any that follow each other.
+        let places: Vec<(usize, DVec3)> = places.collect();
+        let places = (0..STRIDE).flat_map(|first| places.iter().copied().skip(first).step_by(STRIDE));
         let places = places
             .map(|(body, place)| Ok((body, place, probed.changes(body, place)?)))
             .collect::<Result<_, WorkspaceError>>()?;
         Ok(Self { bodies, places, empty: probed.empty(), tets, threads })
     }
 
-    /// The best of some meshes, of which the first has an error already; none where that is not clearly worse.
+    /// The best of some meshes; none where none is clearly better than the first.
     fn best(
         &self,
         first: &Sensor,
         others: impl Iterator<Item = Sensor>,
     ) -> Result<Option<Sensor>, WorkspaceError> {
-        let mut least = CLEARLY * self.error(first, f64::INFINITY)?;
+        let none = vec![f64::INFINITY; self.places.len() + 1];
+        let errors = self.errors(first, &none)?.unwrap_or(none);
+        let mut least: Vec<f64> = errors.into_iter().map(|error| CLEARLY * CLEARLY * error).collect();
         let mut best = None;
         for sensor in others {
-            if let Ok(error) = self.error(&sensor, least)
-                && error < least
-            {
-                (least, best) = (error, Some(sensor));
+            // What cannot be compared is not taken.
+            if let Ok(Some(errors)) = self.errors(&sensor, &least) {
+                (least, best) = (errors, Some(sensor));
             }
         }
         Ok(best)
     }
 
-    /// The square mean of the errors of a mesh with the bodies at all places, grounded and floating, and without them, or one that is no
-    /// less than some bound.
-    fn error(&self, sensor: &Sensor, bound: f64) -> Result<f64, WorkspaceError> {
+    /// Sums of squared errors of a mesh without bodies and with the first of them, one place more each time; none as soon as it seems
+    /// that they will end above those of another mesh.
+    fn errors(&self, sensor: &Sensor, others: &[f64]) -> Result<Option<Vec<f64>>, WorkspaceError> {
         let left = expected_ratio(sensor.mesh().tets().len(), self.tets).unwrap_or(1.0);
         let mut probed =
             Probed::new(sensor.clone(), &self.bodies, Connection::Floating, EXACT, self.threads)?;
-        let share = 1.0 / (OF_EMPTY + 2 * self.places.len()) as f64;
         let squared = |ours: &Change, exact: &Change| {
-            ours.error(exact).map_or(0.0, |error| share * (error.of_all / (1.0 - left)).powi(2))
+            ours.error(exact).map_or(0.0, |error| (error.of_all / (1.0 - left)).powi(2))
         };
-        let mut mean = OF_EMPTY as f64 * squared(&probed.empty(), &self.empty);
-        for (body, place, exact) in &self.places {
+        let mut sums = vec![OF_EMPTY * squared(&probed.empty(), &self.empty)];
+        let end = others[others.len() - 1];
+        for (at, (body, place, exact)) in self.places.iter().enumerate() {
             let changes = probed.changes(*body, *place)?;
-            mean += changes.iter().zip(exact).map(|(ours, exact)| squared(ours, exact)).sum::<f64>();
-            if mean >= bound * bound {
-                return Ok(bound);
+            let here = changes.iter().zip(exact).map(|(ours, exact)| squared(ours, exact));
+            let sum = sums[at] + here.sum::<f64>();
+            if sum >= end || (at + 1 >= PATIENT && sum >= HOPEFUL * others[at + 1]) {
+                return Ok(None);
             }
+            sums.push(sum);
         }
-        Ok(mean.sqrt())
+        Ok(Some(sums))
     }
 }
 
-/// A ball, and where its centre is put.
 fn ball_small(design: &SensorDesign) -> (Shape, Vec<DVec3>) {
     ball(
         design,
