@@ -24,7 +24,7 @@ const SMALLER: f64 = 0.917_004_043_204_671_2;
 /// How many times as many tetrahedra the lattice has that others are compared with, up to so many; above that, as many times as where
 /// a tolerance is asked for.
 const MUCH_FINER: usize = 8;
-const LARGE: usize = 1_200_000;
+const LARGE: usize = 400_000;
 
 /// For how many changes C without bodies counts.
 const OF_EMPTY: f64 = 4.0;
@@ -33,7 +33,7 @@ const OF_EMPTY: f64 = 4.0;
 const STRIDE: usize = 4;
 
 /// After so many places a mesh is given up whose errors until then add up to so many times those of the best.
-const PATIENT: usize = 6;
+const PATIENT: usize = 4;
 const HOPEFUL: f64 = 1.3;
 
 /// A smaller mesh is taken where its error is below this part of that of all larger ones: where nobody looks, more tetrahedra are
@@ -41,7 +41,7 @@ const HOPEFUL: f64 = 1.3;
 const CLEARLY: f64 = 0.8;
 
 /// Errors are compared of changes that are this exact, relative to them.
-const EXACT: f64 = 0.003;
+const EXACT: f64 = 0.03;
 
 /// What suits plates need not suit bodies that are no wider than some cells, so there is a ball, too: its radius, the gaps below it
 /// and how far it is from the middle of the electrodes, in parts of their side.
