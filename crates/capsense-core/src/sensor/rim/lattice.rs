@@ -52,10 +52,12 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 if !near {
                     continue;
                 }
-                let size = DVec2::new(xs[i + 1] - xs[i - 1], ys[j + 1] - ys[j - 1]) / 2.0;
+                let before = DVec2::new(xs[i] - xs[i - 1], ys[j] - ys[j - 1]);
+                let after = DVec2::new(xs[i + 1] - xs[i], ys[j + 1] - ys[j]);
+                let (size, middle) = (0.5 * (before + after), 0.25 * (after - before));
                 let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
-                let near_rim = || Surroundings { ground, place: [i, j, k], size }.link(&place);
+                let near_rim = || Surroundings { ground, place: [i, j, k], size, middle }.link(&place);
                 match link_of_far(&place, size, height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
@@ -86,6 +88,8 @@ struct Surroundings<'a> {
     place: [usize; 3],
     /// Size in the plane.
     size: DVec2,
+    /// Where its middle is from the node, as neighbours are not equally far.
+    middle: DVec2,
 }
 
 impl Surroundings<'_> {
@@ -107,11 +111,15 @@ impl Surroundings<'_> {
         let stacks = [true, false].map(stack);
         let half_plane = HalfPlane::new(&stacks);
         let plates: f64 = stacks.iter().map(Stack::plate).sum();
+        let spreading = (1.0 - plates / half_plane.weight).max(0.0);
+        let alpha: f64 = std::env::var("ALPHA").map_or(0.0, |a| a.parse().unwrap());
+        // Where a field goes straight down, what counts is the part of the node's cell that is covered.
+        let distance = distance + (1.0 - spreading * (1.0 - alpha)) * normal.dot(self.middle);
         Shared {
             share: half_plane.share(distance / rows).clamp(0.0, 1.0),
             on_rim: half_plane.share(0.0),
             weight: self.size.element_product() / rows * half_plane.weight,
-            spreading: (1.0 - plates / half_plane.weight).max(0.0),
+            spreading,
         }
     }
 
