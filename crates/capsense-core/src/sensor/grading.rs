@@ -97,6 +97,11 @@ impl Grading {
         if axis < 2 { self.unequal } else { f64::INFINITY }
     }
 
+    /// Spacing at electrode edges along x or y, in metres, and at electrode planes along z.
+    pub(super) fn finest(&self, axis: usize) -> f64 {
+        if axis < 2 { self.finest[axis] } else { self.across }
+    }
+
     /// What spacing is larger by so far outside of the domain that it is chosen for, in metres.
     pub(super) fn far(&self, outside: f64) -> f64 {
         FAR * self.beyond * outside
@@ -115,7 +120,8 @@ impl Grading {
         let outside =
             distance - 0.5 * if place < first { first - domain.min[axis] } else { domain.max[axis] - last };
         let beyond = self.beyond * outside.max(0.0);
-        let least = if axis == 2 { self.across } else { self.finest[axis].min(self.crowding * room) };
+        let finest = self.finest(axis);
+        let least = if axis == 2 { finest } else { finest.min(self.crowding * room) };
         if (first..=last).contains(&place) {
             least + self.between * distance
         } else if axis < 2 {

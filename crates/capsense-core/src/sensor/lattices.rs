@@ -36,6 +36,9 @@ const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 /// Lattices of less than this part of the tetrahedra are none of those.
 const WORTH_COMPARING: f64 = 0.6;
 
+/// Fine intervals closer to each other than this part of a cell are one.
+const JOINED: f64 = 0.6;
+
 /// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
 /// at least. Bodies move half as far.
 const REACH: f64 = 5.0;
@@ -237,6 +240,7 @@ impl SensorDesign {
                     fine.extend(electrode.outline.fine_intervals(axis));
                 }
             }
+            join_near(&mut fine, JOINED * grading.finest(axis));
             let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
             let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
             let spacing = |place: Along| {
@@ -248,4 +252,16 @@ impl SensorDesign {
         }
         Ok(Lattice::new(axes)?)
     }
+}
+
+/// Joins intervals that overlap or are no farther apart than a gap.
+fn join_near(intervals: &mut Vec<[f64; 2]>, gap: f64) {
+    intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    intervals.dedup_by(|next, kept| {
+        let joined = next[0] - kept[1] <= gap;
+        if joined {
+            kept[1] = kept[1].max(next[1]);
+        }
+        joined
+    });
 }
