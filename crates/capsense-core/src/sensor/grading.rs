@@ -29,6 +29,12 @@ pub(super) struct Variation {
     pub(super) aspect: f64,
     /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
     pub(super) crowding: f64,
+    /// Within which distance electrode edges share a plane between them, in metres.
+    pub(super) met: f64,
+}
+
+impl Variation {
+    pub(super) const USUAL: Self = Self { height: 1.0, aspect: 1.0, crowding: f64::INFINITY, met: 0.0 };
 }
 
 /// Spacing along the three axes, in metres, as a function of the place.
@@ -50,6 +56,8 @@ pub(super) struct Grading {
     unequal: f64,
     /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
     crowding: f64,
+    /// Within which distance electrode edges share a plane between them, in metres.
+    met: f64,
 }
 
 impl Grading {
@@ -66,6 +74,7 @@ impl Grading {
             ceiling: f64::INFINITY,
             unequal: f64::INFINITY,
             crowding: f64::INFINITY,
+            met: 0.0,
         }
     }
 
@@ -89,6 +98,7 @@ impl Grading {
             ceiling: 0.165 * height * fewer.powf(0.3),
             unequal: 1.4 * part.max(1.0).powi(2),
             crowding: variation.crowding,
+            met: variation.met,
         }
     }
 
@@ -100,6 +110,11 @@ impl Grading {
     /// Spacing at electrode edges along x or y, in metres, and at electrode planes along z.
     pub(super) fn finest(&self, axis: usize) -> f64 {
         if axis < 2 { self.finest[axis] } else { self.across }
+    }
+
+    /// Within which distance electrode edges share a plane, in metres.
+    pub(super) fn met(&self) -> f64 {
+        self.met
     }
 
     /// What spacing is larger by so far outside of the domain that it is chosen for, in metres.

@@ -17,9 +17,7 @@ const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
 
-/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side: any, not at all, or
-/// somewhat.
-const ANY: f64 = f64::INFINITY;
+/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side, if that is not left open.
 const CROWDING: [f64; 2] = [1.0, 2.0];
 
 /// Cells on both sides of an electrode's edge may differ by this factor before that costs something.
@@ -37,7 +35,13 @@ const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 const WORTH_COMPARING: f64 = 0.6;
 
 /// Fine intervals closer to each other than this part of a cell are one.
-const JOINED: f64 = 0.6;
+const JOINED: f64 = 2.5;
+
+/// How many of the smallest distances between electrode edges are tried as the one within which edges share a plane.
+const MET: usize = 3;
+
+/// What it costs that edges are in no plane, by how far they are from it in relation to cells.
+const DISPLACED: f64 = 0.5;
 
 /// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
 /// at least. Bodies move half as far.
@@ -53,7 +57,7 @@ impl SensorDesign {
     pub fn lattice(&self, max_tets: usize) -> Result<Lattice, SensorError> {
         self.validate()?;
         let pattern = self.pattern();
-        let highest = Variation { height: HEIGHTS[0], aspect: 1.0, crowding: ANY };
+        let highest = Variation { height: HEIGHTS[0], ..Variation::USUAL };
         let extent = self.domain.size().max_element();
         let coarsest = self.graded_lattice(Grading::for_workspace(extent, highest, max_tets, pattern))?;
         if coarsest.tet_count() > max_tets {
@@ -69,7 +73,8 @@ impl SensorDesign {
                 let coarseness = finest.min(pattern.feature)
                     * height.sqrt()
                     * (1.0 + UNUSUAL * height.ln().powi(2))
-                    * (self.unevenness(&lattice) / uneven).max(1.0);
+                    * (self.unevenness(&lattice) / uneven).max(1.0)
+                    * (1.0 + DISPLACED * self.displacement(&lattice) / finest);
                 let rank = (!self.is_resolved_by(&lattice), coarseness);
                 if rank < best.0 {
                     best = (rank, lattice);
@@ -101,7 +106,8 @@ impl SensorDesign {
         Ok(lattices)
     }
 
-    /// The finest lattices of at most so many tetrahedra, with the spacing at electrodes: one for each crowding that makes a difference.
+    /// The finest lattices of at most so many tetrahedra, with the spacing at electrodes: one for each crowding that makes a difference,
+    /// and one for each distance within which electrode edges may share a plane.
     fn finest_lattices(
         &self,
         max_tets: usize,
@@ -109,24 +115,64 @@ impl SensorDesign {
         aspect: f64,
     ) -> Result<Vec<(f64, Lattice)>, SensorError> {
         let pattern = self.pattern();
-        let finest = |crowding: f64| {
-            let variation = Variation { height, aspect, crowding };
+        let usual = Variation { height, aspect, ..Variation::USUAL };
+        let finest = |variation: Variation| {
             self.finest_lattice(max_tets, |finest| {
                 Grading::for_workspace(finest, variation, max_tets, pattern)
             })
         };
-        let mut lattices = vec![finest(ANY)?];
+        let mut lattices = vec![finest(usual)?];
         if max_tets >= FEW {
             for crowding in CROWDING {
-                let crowded = finest(crowding)?;
+                let crowded = finest(Variation { crowding, ..usual })?;
                 if crowded.1 == lattices[0].1 {
                     break;
                 }
                 lattices.push(crowded);
             }
         }
+        for met in self.gaps().into_iter().take(MET) {
+            if met > lattices[0].0 {
+                break;
+            }
+            let met = Variation { met: met * (1.0 + IN_PLANE), ..usual };
+            lattices.push(finest(met)?);
+        }
         lattices.retain(|(_, lattice)| lattice.tet_count() <= max_tets);
         Ok(lattices)
+    }
+
+    /// Distances between electrode edges that follow each other along x or y, ascending, none of them twice.
+    fn gaps(&self) -> Vec<f64> {
+        let slack = IN_PLANE * self.domain.size().max_element();
+        let mut gaps = self.distances();
+        gaps.sort_by(f64::total_cmp);
+        gaps.dedup_by(|b, a| *b - *a <= slack);
+        gaps
+    }
+
+    fn distances(&self) -> Vec<f64> {
+        let of_axis = |axis| {
+            let outlines = self.electrodes.iter().map(|electrode| &electrode.outline);
+            let mut edges: Vec<f64> = outlines.flat_map(|outline| outline.axis_planes(axis)).collect();
+            edges.sort_by(f64::total_cmp);
+            edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
+        };
+        let slack = IN_PLANE * self.domain.size().max_element();
+        (0..2).flat_map(of_axis).filter(|distance| *distance > slack).collect()
+    }
+
+    /// How far the electrodes' edges are from the nearest planes, the mean, in metres.
+    fn displacement(&self, lattice: &Lattice) -> f64 {
+        let (mut sum, mut count) = (0.0, 0);
+        for axis in 0..2 {
+            let planes = &lattice.axes()[axis];
+            for edge in self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis)) {
+                sum += planes.iter().map(|plane| (plane - edge).abs()).fold(f64::INFINITY, f64::min);
+                count += 1;
+            }
+        }
+        sum / f64::from(count.max(1))
     }
 
     /// By which factor cells on both sides of an electrode's edge differ at most.
@@ -183,18 +229,7 @@ impl SensorDesign {
     /// What a lattice should know of the electrodes.
     fn pattern(&self) -> Pattern {
         let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
-        let mut gaps: Vec<f64> = (0..2)
-            .flat_map(|axis| {
-                let mut edges: Vec<f64> = self
-                    .electrodes
-                    .iter()
-                    .flat_map(|electrode| electrode.outline.axis_planes(axis))
-                    .collect();
-                edges.sort_by(f64::total_cmp);
-                edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
-            })
-            .filter(|gap| *gap > IN_PLANE * self.domain.size().max_element())
-            .collect();
+        let mut gaps = self.distances();
         gaps.sort_by(f64::total_cmp);
         Pattern { rims, feature: gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY) }
     }
@@ -230,7 +265,7 @@ impl SensorDesign {
         let near = self.near();
         let mut axes = [const { Vec::new() }; 3];
         for (axis, coordinates) in axes.iter_mut().enumerate() {
-            let mut planes: Vec<f64> = board.iter().flat_map(|b| [b.min[axis], b.max[axis]]).collect();
+            let mut planes = Vec::new();
             let mut fine = Vec::new();
             for electrode in &self.electrodes {
                 if axis == 2 {
@@ -240,6 +275,10 @@ impl SensorDesign {
                     fine.extend(electrode.outline.fine_intervals(axis));
                 }
             }
+            if axis < 2 {
+                planes = met(planes, grading.met());
+            }
+            planes.extend(board.iter().flat_map(|board| [board.min[axis], board.max[axis]]));
             join_near(&mut fine, JOINED * grading.finest(axis));
             let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
             let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
@@ -264,4 +303,18 @@ fn join_near(intervals: &mut Vec<[f64; 2]>, gap: f64) {
         }
         joined
     });
+}
+
+/// Coordinates of which those that follow each other within a gap are replaced by the middle between the first and the last.
+fn met(mut coordinates: Vec<f64>, gap: f64) -> Vec<f64> {
+    coordinates.sort_by(f64::total_cmp);
+    let groups = coordinates.chunk_by(|a, b| b - a <= gap).flat_map(|group| {
+        let (first, last) = (group[0], group[group.len() - 1]);
+        // Not so that an edge ends up more than half of a gap away.
+        match last - first <= gap {
+            true => vec![0.5 * (first + last)],
+            false => group.to_vec(),
+        }
+    });
+    groups.collect()
 }
