@@ -23,7 +23,7 @@ const CROWDING: [f64; 2] = [1.0, 2.0];
 /// Cells on both sides of an electrode's edge may differ by this factor before that costs something.
 const UNEVEN: f64 = 1.6;
 
-/// Where there are fewer tetrahedra, cells are as large as electrodes, and none of this helps.
+/// Where there are fewer tetrahedra, cells are as large as electrodes, and none of this helps in general.
 const FEW: usize = 12_000;
 
 /// How lattices vary that are compared with each other: in the heights of layers, and by which factor cells are longer along x and
@@ -41,7 +41,10 @@ const JOINED: f64 = 2.5;
 const MET: usize = 3;
 
 /// What it costs that edges are in no plane, by how far they are from it in relation to cells.
-const DISPLACED: f64 = 0.5;
+const DISPLACED: f64 = 1.0;
+
+/// The largest such distance, in parts of a cell.
+const LARGEST_MET: f64 = 0.7;
 
 /// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
 /// at least. Bodies move half as far.
@@ -65,10 +68,10 @@ impl SensorDesign {
         }
         // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers. Where they are
         // so narrow that none of a lattice's nodes are within them, they need more than their part.
-        let uneven = if max_tets < FEW { f64::INFINITY } else { UNEVEN };
+        let (tried, uneven) = if max_tets < FEW { (1, f64::INFINITY) } else { (usize::MAX, UNEVEN) };
         let mut best = ((true, f64::INFINITY), coarsest);
         for height in HEIGHTS {
-            for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)? {
+            for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)?.into_iter().take(tried) {
                 // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
                 let coarseness = finest.min(pattern.feature)
                     * height.sqrt()
@@ -122,17 +125,15 @@ impl SensorDesign {
             })
         };
         let mut lattices = vec![finest(usual)?];
-        if max_tets >= FEW {
-            for crowding in CROWDING {
-                let crowded = finest(Variation { crowding, ..usual })?;
-                if crowded.1 == lattices[0].1 {
-                    break;
-                }
-                lattices.push(crowded);
+        for crowding in CROWDING {
+            let crowded = finest(Variation { crowding, ..usual })?;
+            if crowded.1 == lattices[0].1 {
+                break;
             }
+            lattices.push(crowded);
         }
         for met in self.gaps().into_iter().take(MET) {
-            if met > lattices[0].0 {
+            if met > LARGEST_MET * lattices[0].0 {
                 break;
             }
             let met = Variation { met: met * (1.0 + IN_PLANE), ..usual };
