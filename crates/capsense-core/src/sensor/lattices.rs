@@ -79,7 +79,7 @@ impl SensorDesign {
                     * (self.unevenness(&lattice) / uneven).max(1.0)
                     * (1.0 + DISPLACED * self.displacement(&lattice) / finest);
                 let rank = (!self.is_resolved_by(&lattice), coarseness);
-                if rank < best.0 {
+                if lattice.tet_count() <= max_tets && rank < best.0 {
                     best = (rank, lattice);
                 }
             }
@@ -99,7 +99,8 @@ impl SensorDesign {
         for aspect in VARIED_ASPECTS {
             for height in VARIED_HEIGHTS {
                 for (_, lattice) in self.finest_lattices(max_tets, height, aspect)? {
-                    let is_worth = lattice.tet_count() >= least && self.is_resolved_by(&lattice);
+                    let is_worth =
+                        (least..=max_tets).contains(&lattice.tet_count()) && self.is_resolved_by(&lattice);
                     if is_worth && !lattices.contains(&lattice) {
                         lattices.push(lattice);
                     }
@@ -136,10 +137,12 @@ impl SensorDesign {
             if met > LARGEST_MET * lattices[0].0 {
                 break;
             }
-            let met = Variation { met: met * (1.0 + IN_PLANE), ..usual };
-            lattices.push(finest(met)?);
+            let shared = finest(Variation { met: met * (1.0 + IN_PLANE), ..usual })?;
+            // Narrow electrodes need their own planes.
+            if self.is_resolved_by(&shared.1) {
+                lattices.push(shared);
+            }
         }
-        lattices.retain(|(_, lattice)| lattice.tet_count() <= max_tets);
         Ok(lattices)
     }
 

@@ -1,8 +1,9 @@
 //! The most accurate of the meshes of at most so many tetrahedra.
 //!
-//! As edges of electrodes must be in lattice planes, a smaller mesh may be better than a larger one: what bars change of three
-//! stripes' capacitances is off by half as much on a lattice of 33,264 tetrahedra as on one of 39,744. So some sizes are tried, as
-//! where the smallest mesh for a tolerance is looked for ([`super::choice`]).
+//! Which spacing suits electrodes that are not alike cannot be told from their edges: what bars change of three stripes' capacitances is
+//! off by half as much on a lattice of 33,264 tetrahedra as on one of 39,744, and of two rows of patches by a third as much if
+//! layers are somewhat higher. So some sizes and gradings ([`SensorDesign::lattices`]) are tried, in a race in which most are given up after
+//! a few places.
 
 use super::choice::{FINER, expected_ratio};
 use super::{Change, Probed, Probes, WorkspaceError, electrode_bounds, top};
@@ -12,7 +13,7 @@ use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use glam::{DVec2, DVec3};
 use std::ops::RangeInclusive;
 
-/// Where there may be fewer or more tetrahedra, the largest mesh is taken: with fewer, cells are as large as the gaps below bodies; with
+/// Where there may be fewer or more tetrahedra, the usual mesh is taken: with fewer, cells are as large as the gaps below bodies; with
 /// more, errors hardly go up and down, and comparing takes seconds.
 const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
 
@@ -29,33 +30,40 @@ const LARGE: usize = 400_000;
 /// For how many changes C without bodies counts.
 const OF_EMPTY: f64 = 4.0;
 
-/// Places are looked at in another order than they have: every so-manieth.
+/// Places that follow each other are so many apart in the lists of the bodies'.
 const STRIDE: usize = 4;
 
-/// After so many places a mesh is given up whose errors until then add up to so many times those of the best.
+/// After so many places a mesh is given up whose squared errors until then add up to so many times those of the best.
 const PATIENT: usize = 4;
 const HOPEFUL: f64 = 1.3;
 
-/// A smaller mesh is taken where its error is below this part of that of all larger ones: where nobody looks, more tetrahedra are
-/// better.
+/// Another mesh than the usual one is taken where its error is below this part of that one's: what is better at these places need not be
+/// better where nobody looks.
 const CLEARLY: f64 = 0.8;
 
 /// Errors are compared of changes that are this exact, relative to them.
 const EXACT: f64 = 0.03;
 
-/// What suits plates need not suit bodies that are no wider than some cells, so there is a ball, too: its radius, the gaps below it
-/// and how far it is from the middle of the electrodes, in parts of their side.
-const RADIUS: f64 = 0.4;
-const GAPS: [f64; 4] = [0.2, 0.4, 0.7, 1.1];
-const ASIDE: [DVec2; 4] =
-    [DVec2::new(0.1, 0.05), DVec2::new(-0.3, 0.2), DVec2::new(0.2, -0.35), DVec2::new(0.0, 0.15)];
+/// What suits plates need not suit bodies that are no wider than some cells, so there are balls, too.
+const BALLS: [Ball; 2] = [
+    Ball {
+        radius: 0.4,
+        gaps: [0.2, 0.4, 0.7, 1.1],
+        aside: [DVec2::new(0.1, 0.05), DVec2::new(-0.3, 0.2), DVec2::new(0.2, -0.35), DVec2::new(0.0, 0.15)],
+    },
+    Ball {
+        radius: 0.2,
+        gaps: [0.15, 0.3, 0.5, 0.2],
+        aside: [DVec2::new(0.25, 0.1), DVec2::new(-0.1, -0.2), DVec2::new(-0.3, 0.1), DVec2::new(0.05, 0.3)],
+    },
+];
 
 /// How long that side counts for at most, in parts of the room above the electrodes.
 const LONGEST: f64 = 0.5;
 
-/// The sensor on the most accurate mesh of at most so many tetrahedra, of some that are tried: by the changes of C that the plate
-/// of [`Probes::around`] and a ball make, the square mean over all places, compared with a lattice of four times as many. The
-/// largest mesh where that cannot be told, and where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all
+/// The sensor on the most accurate mesh of at most so many tetrahedra, of some that are tried: by C and its changes that the plate
+/// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four to eight
+/// times as many. The usual mesh, [`Sensor::generated`], where that cannot be told or no other is clearly better, and where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all
 /// cores where there is no number; the choice does not depend on them.
 ///
 /// # Errors
@@ -124,18 +132,10 @@ impl Comparison {
         let finer = (MUCH_FINER * max_tets).min(LARGE).max((FINER * max_tets as f64) as usize);
         let finer = Sensor::generated(design, MeshKind::Lattice, finer)?;
         let tets = finer.mesh().tets().len();
-        let plate = Probes::around(design);
-        let (ball, of_ball) = ball(design, RADIUS, GAPS, ASIDE);
-        let (small, of_small) = ball_small(design);
-        let bodies = vec![Shape::Box { size: plate.plate }, ball, small];
+        let (bodies, places) = bodies_and_places(design);
         let mut probed = Probed::new(finer, &bodies, Connection::Floating, EXACT, threads)?;
-        let of_bodies = [plate.places, of_ball, of_small];
-        let places =
-            (0..).zip(of_bodies).flat_map(|(body, at)| at.into_iter().map(move |place| (body, place)));
-        // Places of all bodies, near and far, are among any that follow each other.
-        let places: Vec<(usize, DVec3)> = places.collect();
-        let places = (0..STRIDE).flat_map(|first| places.iter().copied().skip(first).step_by(STRIDE));
         let places = places
+            .into_iter()
             .map(|(body, place)| Ok((body, place, probed.changes(body, place)?)))
             .collect::<Result<_, WorkspaceError>>()?;
         Ok(Self { bodies, places, empty: probed.empty(), tets, threads })
@@ -184,21 +184,37 @@ impl Comparison {
     }
 }
 
-fn ball_small(design: &SensorDesign) -> (Shape, Vec<DVec3>) {
-    ball(
-        design,
-        0.2,
-        [0.15, 0.3, 0.5, 0.2],
-        [DVec2::new(0.25, 0.1), DVec2::new(-0.1, -0.2), DVec2::new(-0.3, 0.1), DVec2::new(0.05, 0.3)],
-    )
+/// The plate and the balls, and where each is put, in an order in which all of them, near and far, are among any that follow each other.
+fn bodies_and_places(design: &SensorDesign) -> (Vec<Shape>, Vec<(usize, DVec3)>) {
+    let Probes { plate, places } = Probes::around(design);
+    let mut bodies = vec![Shape::Box { size: plate }];
+    let mut all: Vec<(usize, DVec3)> = places.into_iter().map(|place| (0, place)).collect();
+    for ball in BALLS {
+        let (ball, places) = ball.places(design);
+        all.extend(places.into_iter().map(|place| (bodies.len(), place)));
+        bodies.push(ball);
+    }
+    let in_turn = (0..STRIDE).flat_map(|first| all.iter().copied().skip(first).step_by(STRIDE));
+    (bodies, in_turn.collect())
 }
 
-fn ball(design: &SensorDesign, radius: f64, gaps: [f64; 4], aside: [DVec2; 4]) -> (Shape, Vec<DVec3>) {
-    let ((low, high), top) = (electrode_bounds(design), top(design));
-    let side = (high - low).max_element().min(LONGEST * (design.domain.max.z - top));
-    let places = gaps
-        .into_iter()
-        .zip(aside)
-        .map(|(gap, aside)| (0.5 * (low + high) + side * aside).extend(top + (gap + radius) * side));
-    (Shape::Sphere { radius: radius * side }, places.collect())
+/// A ball, and where it is put: lengths in parts of the electrodes' longer side.
+struct Ball {
+    radius: f64,
+    /// Below it, at its places.
+    gaps: [f64; 4],
+    /// How far these are from the middle of the electrodes.
+    aside: [DVec2; 4],
+}
+
+impl Ball {
+    fn places(&self, design: &SensorDesign) -> (Shape, Vec<DVec3>) {
+        let ((low, high), top) = (electrode_bounds(design), top(design));
+        let side = (high - low).max_element().min(LONGEST * (design.domain.max.z - top));
+        let places =
+            self.gaps.iter().zip(self.aside).map(|(gap, aside)| {
+                (0.5 * (low + high) + side * aside).extend(top + (gap + self.radius) * side)
+            });
+        (Shape::Sphere { radius: self.radius * side }, places.collect())
+    }
 }

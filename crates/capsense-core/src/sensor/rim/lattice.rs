@@ -112,9 +112,8 @@ impl Surroundings<'_> {
         let half_plane = HalfPlane::new(&stacks);
         let plates: f64 = stacks.iter().map(Stack::plate).sum();
         let spreading = (1.0 - plates / half_plane.weight).max(0.0);
-        let alpha: f64 = std::env::var("ALPHA").map_or(0.0, |a| a.parse().unwrap());
         // Where a field goes straight down, what counts is the part of the node's cell that is covered.
-        let distance = distance + (1.0 - spreading * (1.0 - alpha)) * normal.dot(self.middle);
+        let distance = distance + (1.0 - spreading) * normal.dot(self.middle);
         Shared {
             share: half_plane.share(distance / rows).clamp(0.0, 1.0),
             on_rim: half_plane.share(0.0),
