@@ -9,6 +9,7 @@
 //! cargo run --release --example accuracy -- domain       # what the wall changes, and an open one; --quick for less
 //! cargo run --release --example accuracy -- fitted       # boxes with faces in planes of the mesh, and between them
 //! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
+//! cargo run --release --example accuracy -- layouts      # lattices for electrodes of many layouts; --quick, --only NAME
 //! cargo run --release --example accuracy -- meshes       # what tolerances cost on each kind of mesh; --quick for two of three
 //! ```
 
@@ -18,6 +19,7 @@ mod continuity;
 mod converge;
 mod domain;
 mod fitted;
+mod layouts;
 mod measure;
 mod meshes;
 mod plates;
@@ -48,6 +50,7 @@ enum Command {
     Rims(rims::RimsArguments),
     Domain(domain::DomainArguments),
     Fitted(fitted::FittedArguments),
+    Layouts(layouts::LayoutsArguments),
     Meshes(meshes::MeshesArguments),
 }
 
@@ -62,6 +65,7 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Rims(arguments)) => rims::rims(&arguments),
         Some(Command::Domain(arguments)) => domain::domain(&arguments),
         Some(Command::Fitted(arguments)) => fitted::fitted(&arguments),
+        Some(Command::Layouts(arguments)) => layouts::layouts(&arguments),
         Some(Command::Meshes(arguments)) => meshes::meshes(&arguments),
     }
 }
