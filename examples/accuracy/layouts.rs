@@ -7,7 +7,7 @@ use capsense::core::geometry::{Pose, Shape};
 use capsense::core::glam::{DQuat, DVec2, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
 use capsense::core::sensor::{MeshKind, Sensor, SensorDesign, Substrate, Wall};
-use capsense::core::simulator::{Simulator, StepReport};
+use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
 use capsense::core::workspace::{Change, most_accurate};
@@ -111,7 +111,8 @@ fn measure(sensor: &Sensor) -> Result<Measured> {
             .map(|(shape, pose)| {
                 let mut solids = Solids::new(&[shape])?;
                 solids.place(&[pose])?;
-                let StepReport { .. } = simulator.step(&solids)?;
+                let _ = simulator.step(&solids)?;
+                anyhow::ensure!(simulator.contacts().is_empty(), "a body touches an electrode");
                 Ok(Change::between(simulator.base(), simulator.capacitance()))
             })
             .collect()

@@ -123,7 +123,7 @@ impl Grading {
     }
 
     /// Spacing along one axis of a domain at a place among fixed coordinates, of which the first and the last are given; all in
-    /// metres. Beside an edge of an electrode cells are as large as the next edge leaves them, where that is less.
+    /// metres. Beside an edge of an electrode cells on both sides are at most so many times as large as the next plane leaves one of them.
     pub(super) fn spacing(
         &self,
         axis: usize,

@@ -2,7 +2,7 @@
 
 use super::grading::{Grading, Pattern, Variation};
 use super::{IN_PLANE, SensorDesign, SensorError};
-use crate::electrode::Electrode;
+use crate::electrode::{Electrode, Outline};
 use crate::geometry::Aabb;
 use crate::mesh::{Along, InvalidAxis, Lattice, spaced_axis};
 use glam::DVec2;
@@ -34,17 +34,17 @@ const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 /// Lattices of less than this part of the tetrahedra are none of those.
 const WORTH_COMPARING: f64 = 0.6;
 
-/// Fine intervals closer to each other than this part of a cell are one.
+/// Fine intervals fewer cells than this from each other are one.
 const JOINED: f64 = 2.5;
 
 /// How many of the smallest distances between electrode edges are tried as the one within which edges share a plane.
 const MET: usize = 3;
 
-/// What it costs that edges are in no plane, by how far they are from it in relation to cells.
-const DISPLACED: f64 = 1.0;
-
 /// The largest such distance, in parts of a cell.
 const LARGEST_MET: f64 = 0.7;
+
+/// What it costs that edges are in no plane, by how far they are from it in relation to cells.
+const DISPLACED: f64 = 1.0;
 
 /// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
 /// at least. Bodies move half as far.
@@ -52,8 +52,8 @@ const REACH: f64 = 5.0;
 const LEAST_REACH: f64 = 0.5;
 
 impl SensorDesign {
-    /// The finest graded lattice of at most so many tetrahedra: electrode edges, electrode planes and the board lie
-    /// in lattice planes, spacing is smallest there and grows away from them.
+    /// The finest graded lattice of at most so many tetrahedra: electrode planes and the board lie in lattice planes, as do electrode edges
+    /// unless they are so close to each other that they share one; spacing is smallest there and grows away from them.
     ///
     /// # Errors
     /// When the design is invalid or even the coarsest lattice has more tetrahedra.
@@ -68,10 +68,10 @@ impl SensorDesign {
         }
         // Electrodes allow for few spacings along x and y; what these leave of the elements goes into the layers. Where they are
         // so narrow that none of a lattice's nodes are within them, they need more than their part.
-        let (tried, uneven) = if max_tets < FEW { (1, f64::INFINITY) } else { (usize::MAX, UNEVEN) };
+        let uneven = if max_tets < FEW { f64::INFINITY } else { UNEVEN };
         let mut best = ((true, f64::INFINITY), coarsest);
         for height in HEIGHTS {
-            for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)?.into_iter().take(tried) {
+            for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)? {
                 // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
                 let coarseness = finest.min(pattern.feature)
                     * height.sqrt()
@@ -126,6 +126,9 @@ impl SensorDesign {
             })
         };
         let mut lattices = vec![finest(usual)?];
+        if max_tets < FEW {
+            return Ok(lattices);
+        }
         for crowding in CROWDING {
             let crowded = finest(Variation { crowding, ..usual })?;
             if crowded.1 == lattices[0].1 {
@@ -133,15 +136,10 @@ impl SensorDesign {
             }
             lattices.push(crowded);
         }
-        for met in self.gaps().into_iter().take(MET) {
-            if met > LARGEST_MET * lattices[0].0 {
-                break;
-            }
-            let shared = finest(Variation { met: met * (1.0 + IN_PLANE), ..usual })?;
-            // Narrow electrodes need their own planes.
-            if self.is_resolved_by(&shared.1) {
-                lattices.push(shared);
-            }
+        // What an electrode is narrower than would make a line of it.
+        let largest = (LARGEST_MET * lattices[0].0).min((1.0 - IN_PLANE) * self.narrowest());
+        for met in self.gaps().into_iter().take(MET).take_while(|met| *met <= largest) {
+            lattices.push(finest(Variation { met: met * (1.0 + IN_PLANE), ..usual })?);
         }
         Ok(lattices)
     }
@@ -166,6 +164,15 @@ impl SensorDesign {
         (0..2).flat_map(of_axis).filter(|distance| *distance > slack).collect()
     }
 
+    /// The smallest distance between edges of one electrode that are parallel to an axis, in metres.
+    fn narrowest(&self) -> f64 {
+        let of_axis = |outline: &Outline, axis: usize| {
+            outline.axis_planes(axis).windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
+        };
+        let outlines = self.electrodes.iter().map(|electrode| &electrode.outline);
+        outlines.map(|outline| of_axis(outline, 0).min(of_axis(outline, 1))).fold(f64::INFINITY, f64::min)
+    }
+
     /// How far the electrodes' edges are from the nearest planes, the mean, in metres.
     fn displacement(&self, lattice: &Lattice) -> f64 {
         let (mut sum, mut count) = (0.0, 0);
@@ -181,12 +188,13 @@ impl SensorDesign {
 
     /// By which factor cells on both sides of an electrode's edge differ at most.
     fn unevenness(&self, lattice: &Lattice) -> f64 {
-        let slack = IN_PLANE * self.domain.size().max_element();
         let mut most = 1.0f64;
         for axis in 0..2 {
             let planes = &lattice.axes()[axis];
             for edge in self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis)) {
-                let at = planes.partition_point(|plane| *plane < edge - slack).clamp(1, planes.len() - 2);
+                let inner = 1..planes.len() - 1;
+                let from = |at: &usize| (planes[*at] - edge).abs();
+                let Some(at) = inner.min_by(|a, b| from(a).total_cmp(&from(b))) else { continue };
                 let ratio = (planes[at + 1] - planes[at]) / (planes[at] - planes[at - 1]);
                 most = most.max(ratio).max(ratio.recip());
             }

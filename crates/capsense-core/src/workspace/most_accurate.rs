@@ -148,7 +148,7 @@ impl Comparison {
         others: impl Iterator<Item = Sensor>,
     ) -> Result<Option<Sensor>, WorkspaceError> {
         let none = vec![f64::INFINITY; self.places.len() + 1];
-        let errors = self.errors(first, &none)?.unwrap_or(none);
+        let Some(errors) = self.errors(first, &none)? else { return Ok(None) };
         let mut least: Vec<f64> = errors.into_iter().map(|error| CLEARLY * CLEARLY * error).collect();
         let mut best = None;
         for sensor in others {
@@ -163,7 +163,7 @@ impl Comparison {
     /// Sums of squared errors of a mesh without bodies and with the first of them, one place more each time; none as soon as it seems
     /// that they will end above those of another mesh.
     fn errors(&self, sensor: &Sensor, others: &[f64]) -> Result<Option<Vec<f64>>, WorkspaceError> {
-        let left = expected_ratio(sensor.mesh().tets().len(), self.tets).unwrap_or(1.0);
+        let Some(left) = expected_ratio(sensor.mesh().tets().len(), self.tets) else { return Ok(None) };
         let mut probed =
             Probed::new(sensor.clone(), &self.bodies, Connection::Floating, EXACT, self.threads)?;
         let squared = |ours: &Change, exact: &Change| {
@@ -175,7 +175,8 @@ impl Comparison {
             let changes = probed.changes(*body, *place)?;
             let here = changes.iter().zip(exact).map(|(ours, exact)| squared(ours, exact));
             let sum = sums[at] + here.sum::<f64>();
-            if sum >= end || (at + 1 >= PATIENT && sum >= HOPEFUL * others[at + 1]) {
+            let is_hopeful = at + 1 < PATIENT || sum < HOPEFUL * others[at + 1];
+            if !(sum < end && is_hopeful) {
                 return Ok(None);
             }
             sums.push(sum);

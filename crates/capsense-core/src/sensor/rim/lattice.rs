@@ -62,7 +62,7 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
                 let near_rim = || Surroundings { ground, place: [i, j, k], size, middle }.link(&place);
-                match link_of_far(&place, size, height).unwrap_or_else(near_rim) {
+                match link_of_far(&place, size + 2.0 * middle.abs(), height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
                         rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 })
