@@ -22,7 +22,7 @@ const LOOK: f64 = 3.0;
 
 /// Fields of which a larger part than this is not that of plates count as spreading altogether: with shields farther away than two
 /// cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
-const SPREADING: f64 = 0.8;
+const SPREADING: f64 = 0.7;
 
 /// Nodes closer to the outline than this part of a cell lie on it.
 const ON_RIM: f64 = 1e-6;
