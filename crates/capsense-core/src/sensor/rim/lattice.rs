@@ -20,7 +20,7 @@ const SMALLEST_AT_CORNERS: f64 = 0.1;
 /// field at a rim of the lattice differs from that at a true rim.
 const LOOK: f64 = 3.0;
 
-/// Fields of which a larger part than this is not that of plates count as spreading altogether: with shields farther away than two
+/// Fields of which a larger part than this is not that of plates count as spreading altogether: with shields farther away than one and a half
 /// cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
 const SPREADING: f64 = 0.7;
 
