@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use capsense::core::electrode::{Electrode, Outline};
 use capsense::core::geometry::{Pose, Shape};
 use capsense::core::glam::{DQuat, DVec2, DVec3};
-use capsense::core::material::{Connection, Material, RelativePermittivity};
+use capsense::core::material::{Material, RelativePermittivity};
 use capsense::core::sensor::{MeshKind, Sensor, SensorDesign, Substrate, Wall};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
@@ -99,26 +99,29 @@ fn errors(measured: &Measured, exact: &Measured) -> Result<Errors> {
 }
 
 fn measure(sensor: &Sensor) -> Result<Measured> {
-    let mut empty = None;
-    let mut of = |connection: Connection| -> Result<Vec<Change>> {
-        let options = SolverOptions { tolerance: SOLVED, ..SolverOptions::default() };
-        let mut simulator = Simulator::new(sensor.clone(), vec![Material::Conductor(connection)], options)?;
-        let base = simulator.base();
-        let upper = (0..base.size()).flat_map(|i| (i..base.size()).map(move |j| (i, j)));
-        empty = Change::from_farads(base.size(), upper.map(|(i, j)| base.get(i, j)).collect());
-        bodies()
-            .into_iter()
-            .map(|(shape, pose)| {
-                let mut solids = Solids::new(&[shape])?;
-                solids.place(&[pose])?;
-                let _ = simulator.step(&solids)?;
-                anyhow::ensure!(simulator.contacts().is_empty(), "a body touches an electrode");
-                Ok(Change::between(simulator.base(), simulator.capacitance()))
-            })
-            .collect()
+    let options = SolverOptions { tolerance: SOLVED, ..SolverOptions::default() };
+    let with = |connection| Simulator::new(sensor.clone(), vec![Material::Conductor(connection)], options);
+    let [grounded, floating] = CONNECTIONS.map(|(_, connection)| with(connection));
+    let grounded = grounded?;
+    let base = grounded.base();
+    let upper = (0..base.size()).flat_map(|i| (i..base.size()).map(move |j| base.get(i, j)));
+    let empty = Change::from_farads(base.size(), upper.collect()).context("C is not finite")?;
+    Ok(Measured {
+        tets: sensor.mesh().tets().len(),
+        empty,
+        changes: [changes_by_bodies(grounded)?, changes_by_bodies(floating?)?],
+    })
+}
+
+fn changes_by_bodies(mut simulator: Simulator) -> Result<Vec<Change>> {
+    let change = |(shape, pose)| {
+        let mut solids = Solids::new(&[shape])?;
+        solids.place(&[pose])?;
+        let _ = simulator.step(&solids)?;
+        anyhow::ensure!(simulator.contacts().is_empty(), "a body touches an electrode");
+        Ok(Change::between(simulator.base(), simulator.capacitance()))
     };
-    let changes = [of(CONNECTIONS[0].1)?, of(CONNECTIONS[1].1)?];
-    Ok(Measured { tets: sensor.mesh().tets().len(), empty: empty.context("C is not finite")?, changes })
+    bodies().into_iter().map(change).collect()
 }
 
 /// Bodies near and far, none of them a probe of the choice.

@@ -298,8 +298,8 @@ impl Simulator {
         &self.capacitance
     }
 
-    /// The same with all objects at 0 V: over the electrodes, those objects that find their own potential, and ground, of which gaps
-    /// alone tell.
+    /// The same with all objects at 0 V: over the electrodes, those objects that find their own potential, and ground, of which
+    /// gaps alone tell.
     pub(crate) fn with_objects_held(&self) -> &CapacitanceMatrix {
         &self.held
     }

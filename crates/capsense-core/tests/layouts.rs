@@ -7,6 +7,7 @@ use capsense_core::electrode::{Electrode, Outline};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::RelativePermittivity;
+use capsense_core::mesh::Lattice;
 use capsense_core::sensor::{Sensor, SensorDesign, Substrate, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::SolverOptions;
@@ -38,6 +39,15 @@ fn squares_across() -> SensorDesign {
         [(-0.05, -0.02), (0.0, 0.0), (0.05, 0.025)].map(|(x, y)| rectangle(x, y, 0.03, 0.03)).to_vec(),
         None,
     )
+}
+
+fn shielded_board() -> Substrate {
+    Substrate {
+        thickness: 0.0016,
+        relative_permittivity: RelativePermittivity::new(4.4).unwrap(),
+        size: DVec2::new(0.16, 0.12),
+        grounded_back: true,
+    }
 }
 
 fn capacitance(design: &SensorDesign, tets: usize) -> CapacitanceMatrix {
@@ -78,28 +88,73 @@ fn outlines_that_follow_no_axis_need_no_planes_at_their_ends() {
 /// Over a shield what counts is the covered part of a cell. As if neighbours were equally far, C was 2.8 % too small.
 #[test]
 fn rims_over_shields_know_how_far_neighbours_are() {
-    let board = Substrate {
-        thickness: 0.0016,
-        relative_permittivity: RelativePermittivity::new(4.4).unwrap(),
-        size: DVec2::new(0.16, 0.12),
-        grounded_back: true,
-    };
     let stripes = [-0.03, 0.0, 0.03].map(|y| rectangle(0.0, y, 0.1, 0.02)).to_vec();
-    let off = error(&design(stripes, Some(board)), 124_000);
+    let off = error(&design(stripes, Some(shielded_board())), 124_000);
     println!("stripes over a shield: {off:.4}");
     assert!(off < 0.006, "{off}");
 }
 
-/// What is compared has the usual lattice first, keeps to the number, and is nothing twice.
+/// What is compared keeps to the number, is nothing twice, and has planes where electrodes and faces of the board are.
 #[test]
-fn lattices_to_choose_from_differ_and_are_not_too_large() {
-    let design = squares_across();
-    let lattices = design.lattices(28_000).unwrap();
-    assert_eq!(lattices[0], design.lattice(28_000).unwrap());
+fn lattices_to_choose_from_differ_and_keep_what_must_be_planes() {
+    let board = Substrate { thickness: 0.003, size: DVec2::new(0.15, 0.09), ..shielded_board() };
+    let bounds = board.bounds();
+    let design = SensorDesign { substrate: Some(board), ..squares_across() };
+    let lattices = design.varied_lattices(28_000).unwrap();
     assert!(lattices.len() > 10, "{}", lattices.len());
     for (k, lattice) in lattices.iter().enumerate() {
         assert!(lattice.tet_count() <= 28_000);
         assert!(!lattices[..k].contains(lattice), "{k}");
+        for axis in 0..3 {
+            let planes = &lattice.axes()[axis];
+            let must_be = [bounds.min[axis], bounds.max[axis]];
+            assert!(must_be.iter().all(|plane| planes.contains(plane)), "{k}, axis {axis}: {planes:?}");
+        }
         Sensor::on_lattice(&design, lattice).unwrap();
+    }
+}
+
+/// The two edges of a narrow stripe, 6 mm from each other, are never one plane; those of squares 5 mm from each other are in some.
+#[test]
+fn edges_of_different_electrodes_share_planes() {
+    let is_plane = |planes: &[f64], edge: f64| planes.iter().any(|plane| (plane - edge).abs() < 1e-9);
+    let narrow = design([-0.02, 0.0, 0.02].map(|x| rectangle(x, 0.0, 0.006, 0.08)).to_vec(), None);
+    for lattice in narrow.varied_lattices(16_000).unwrap() {
+        let planes = &lattice.axes()[0];
+        assert!([-0.003, 0.003].iter().all(|edge| is_plane(planes, *edge)), "{planes:?}");
+    }
+    let shares = |lattice: &Lattice| {
+        let planes = &lattice.axes()[1];
+        is_plane(planes, 0.0125) && !is_plane(planes, 0.01) && !is_plane(planes, 0.015)
+    };
+    assert!(squares_across().varied_lattices(28_000).unwrap().iter().any(shares));
+}
+
+/// What is on one side in a mirrored design is where it was on the other.
+#[test]
+fn mirrored_electrodes_have_mirrored_lattices() {
+    let mirrored = SensorDesign {
+        electrodes: squares_across()
+            .electrodes
+            .into_iter()
+            .map(|electrode| {
+                let [low, high] = electrode.outline.bounds();
+                let center = -0.5 * (low + high);
+                Electrode { outline: Outline::Rectangle { center, size: high - low }, ..electrode }
+            })
+            .collect(),
+        ..squares_across()
+    };
+    for tets in [16_000, 28_000, 60_000] {
+        let [ours, theirs] = [squares_across(), mirrored.clone()].map(|design| design.lattice(tets).unwrap());
+        for axis in 0..2 {
+            let pairs = ours.axes()[axis].iter().zip(theirs.axes()[axis].iter().rev());
+            assert_eq!(ours.axes()[axis].len(), theirs.axes()[axis].len());
+            assert!(
+                pairs.clone().all(|(a, b)| (a + b).abs() < 1e-6),
+                "{tets}: {:?}",
+                pairs.collect::<Vec<_>>()
+            );
+        }
     }
 }

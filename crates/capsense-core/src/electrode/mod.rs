@@ -7,6 +7,7 @@ mod polygon;
 mod sheet;
 
 pub use outline::Outline;
+pub(crate) use outline::join_near;
 pub use sheet::{Sheet, SheetError};
 
 use glam::DVec3;

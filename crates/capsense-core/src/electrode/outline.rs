@@ -168,14 +168,7 @@ impl Outline {
                 .map(|[p, q]| [p[axis].min(q[axis]), p[axis].max(q[axis])])
                 .collect(),
         };
-        spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        spans.dedup_by(|next, kept| {
-            let joined = next[0] - kept[1] <= slack;
-            if joined {
-                kept[1] = kept[1].max(next[1]);
-            }
-            joined
-        });
+        join_near(&mut spans, slack);
         spans
     }
 
@@ -253,4 +246,16 @@ impl Outline {
 fn parallel_to(axis: usize, p: DVec2, q: DVec2) -> bool {
     let length = p.distance(q);
     length > 0.0 && (q[1 - axis] - p[1 - axis]).abs() <= PARALLEL * length
+}
+
+/// Sorts intervals and joins those that overlap or are no farther apart than a gap.
+pub(crate) fn join_near(intervals: &mut Vec<[f64; 2]>, gap: f64) {
+    intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    intervals.dedup_by(|next, kept| {
+        let joined = next[0] - kept[1] <= gap;
+        if joined {
+            kept[1] = kept[1].max(next[1]);
+        }
+        joined
+    });
 }

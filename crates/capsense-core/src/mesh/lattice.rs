@@ -166,8 +166,8 @@ pub(crate) struct Along {
     pub(crate) coordinate: f64,
     /// From the nearest of the planes and of the fine intervals.
     pub(crate) distance: f64,
-    /// How far the nearest of the fixed coordinates is from its own nearest neighbour, if it is a plane: one of the cells there can be no
-    /// larger.
+    /// How far the nearest of the fixed coordinates is from its own nearest neighbour, if it is a plane: one of the cells there
+    /// can be no larger.
     pub(crate) room: f64,
 }
 

@@ -21,20 +21,20 @@ pub(super) struct Pattern {
 }
 
 /// How a lattice differs from what is best for most sensors.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Variation {
     /// By which factor layers are higher.
     pub(super) height: f64,
     /// By which factor cells are longer along x, and shorter along y.
     pub(super) aspect: f64,
-    /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
+    /// By which factor cells at an electrode's edge may be larger than the room to the next plane.
     pub(super) crowding: f64,
-    /// Within which distance electrode edges share a plane between them, in metres.
-    pub(super) met: f64,
+    /// Within which distance edges of different electrodes share a plane between them, in metres.
+    pub(super) sharing: f64,
 }
 
 impl Variation {
-    pub(super) const USUAL: Self = Self { height: 1.0, aspect: 1.0, crowding: f64::INFINITY, met: 0.0 };
+    pub(super) const USUAL: Self = Self { height: 1.0, aspect: 1.0, crowding: f64::INFINITY, sharing: 0.0 };
 }
 
 /// Spacing along the three axes, in metres, as a function of the place.
@@ -54,10 +54,7 @@ pub(super) struct Grading {
     ceiling: f64,
     /// By which factor cells on both sides of an electrode's edge may differ: rims want them alike.
     unequal: f64,
-    /// By which factor cells at an electrode's edge may be larger than the room to the next edge.
-    crowding: f64,
-    /// Within which distance electrode edges share a plane between them, in metres.
-    met: f64,
+    variation: Variation,
 }
 
 impl Grading {
@@ -73,8 +70,7 @@ impl Grading {
             beyond: 0.0,
             ceiling: f64::INFINITY,
             unequal: f64::INFINITY,
-            crowding: f64::INFINITY,
-            met: 0.0,
+            variation: Variation::USUAL,
         }
     }
 
@@ -97,8 +93,7 @@ impl Grading {
             beyond: 0.15,
             ceiling: 0.165 * height * fewer.powf(0.3),
             unequal: 1.4 * part.max(1.0).powi(2),
-            crowding: variation.crowding,
-            met: variation.met,
+            variation,
         }
     }
 
@@ -107,14 +102,14 @@ impl Grading {
         if axis < 2 { self.unequal } else { f64::INFINITY }
     }
 
-    /// Spacing at electrode edges along x or y, in metres, and at electrode planes along z.
+    /// Spacing at electrode edges along x (0) or y (1), in metres.
     pub(super) fn finest(&self, axis: usize) -> f64 {
-        if axis < 2 { self.finest[axis] } else { self.across }
+        self.finest[axis]
     }
 
-    /// Within which distance electrode edges share a plane, in metres.
-    pub(super) fn met(&self) -> f64 {
-        self.met
+    /// Within which distance edges of different electrodes share a plane, in metres.
+    pub(super) fn sharing(&self) -> f64 {
+        self.variation.sharing
     }
 
     /// What spacing is larger by so far outside of the domain that it is chosen for, in metres.
@@ -123,7 +118,7 @@ impl Grading {
     }
 
     /// Spacing along one axis of a domain at a place among fixed coordinates, of which the first and the last are given; all in
-    /// metres. Beside an edge of an electrode cells on both sides are at most so many times as large as the next plane leaves one of them.
+    /// metres.
     pub(super) fn spacing(
         &self,
         axis: usize,
@@ -135,8 +130,8 @@ impl Grading {
         let outside =
             distance - 0.5 * if place < first { first - domain.min[axis] } else { domain.max[axis] - last };
         let beyond = self.beyond * outside.max(0.0);
-        let finest = self.finest(axis);
-        let least = if axis == 2 { finest } else { finest.min(self.crowding * room) };
+        let crowded = self.variation.crowding * room;
+        let least = if axis == 2 { self.across } else { self.finest[axis].min(crowded) };
         if (first..=last).contains(&place) {
             least + self.between * distance
         } else if axis < 2 {

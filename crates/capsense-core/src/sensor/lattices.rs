@@ -2,7 +2,7 @@
 
 use super::grading::{Grading, Pattern, Variation};
 use super::{IN_PLANE, SensorDesign, SensorError};
-use crate::electrode::{Electrode, Outline};
+use crate::electrode::{Electrode, Outline, join_near};
 use crate::geometry::Aabb;
 use crate::mesh::{Along, InvalidAxis, Lattice, spaced_axis};
 use glam::DVec2;
@@ -17,34 +17,34 @@ const HEIGHTS: [f64; 9] = [3.0, 2.0, 1.5, 1.3, 1.15, 1.0, 0.9, 0.8, 0.7];
 /// What unusual heights cost.
 const UNUSUAL: f64 = 1.5;
 
-/// How much larger cells beside an edge of an electrode may be than the next edge leaves those on its other side, if that is not left open.
+/// By which factors cells at an electrode's edge may be larger than the room to the next plane, besides any.
 const CROWDING: [f64; 2] = [1.0, 2.0];
+
+/// How many of the smallest distances between electrode edges are tried as that within which edges share a plane, and the
+/// largest, in parts of a cell.
+const SHARINGS: usize = 3;
+const LARGEST_SHARING: f64 = 0.7;
+
+/// Where there are fewer tetrahedra, cells are as large as electrodes, and neither helps in general.
+const FEW: usize = 12_000;
 
 /// Cells on both sides of an electrode's edge may differ by this factor before that costs something.
 const UNEVEN: f64 = 1.6;
 
-/// Where there are fewer tetrahedra, cells are as large as electrodes, and none of this helps in general.
-const FEW: usize = 12_000;
+/// What it costs that edges are in no plane, by how far they are from it in relation to cells.
+const DISPLACED: f64 = 1.0;
 
-/// How lattices vary that are compared with each other: in the heights of layers, and by which factor cells are longer along x and
-/// shorter along y.
+/// How lattices vary that are compared with each other: in the heights of layers, and by which factor cells are longer along x
+/// and shorter along y.
 const VARIED_HEIGHTS: [f64; 5] = [1.0, 1.2, 1.45, 0.9, 0.8];
 const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 
 /// Lattices of less than this part of the tetrahedra are none of those.
 const WORTH_COMPARING: f64 = 0.6;
 
-/// Fine intervals fewer cells than this from each other are one.
+/// Intervals in which outlines are curved or oblique are one where fewer cells than this fit between them: planes at the ends
+/// of each would be squeezed.
 const JOINED: f64 = 2.5;
-
-/// How many of the smallest distances between electrode edges are tried as the one within which edges share a plane.
-const MET: usize = 3;
-
-/// The largest such distance, in parts of a cell.
-const LARGEST_MET: f64 = 0.7;
-
-/// What it costs that edges are in no plane, by how far they are from it in relation to cells.
-const DISPLACED: f64 = 1.0;
 
 /// How far from electrodes a wall still tells where bodies move, in parts of what the electrodes extend over, and in metres
 /// at least. Bodies move half as far.
@@ -52,8 +52,9 @@ const REACH: f64 = 5.0;
 const LEAST_REACH: f64 = 0.5;
 
 impl SensorDesign {
-    /// The finest graded lattice of at most so many tetrahedra: electrode planes and the board lie in lattice planes, as do electrode edges
-    /// unless they are so close to each other that they share one; spacing is smallest there and grows away from them.
+    /// The finest graded lattice of at most so many tetrahedra: electrode planes and the board lie in lattice planes, as do
+    /// electrode edges, unless those of different electrodes are so close to each other that they share one; spacing is smallest
+    /// there and grows away from them.
     ///
     /// # Errors
     /// When the design is invalid or even the coarsest lattice has more tetrahedra.
@@ -73,11 +74,12 @@ impl SensorDesign {
         for height in HEIGHTS {
             for (finest, lattice) in self.finest_lattices(max_tets, height, 1.0)? {
                 // As many elements are as good with finer layers as with finer cells in them, but for what is unusual.
+                let fit = self.fit(&lattice);
                 let coarseness = finest.min(pattern.feature)
                     * height.sqrt()
                     * (1.0 + UNUSUAL * height.ln().powi(2))
-                    * (self.unevenness(&lattice) / uneven).max(1.0)
-                    * (1.0 + DISPLACED * self.displacement(&lattice) / finest);
+                    * (fit.unevenness / uneven).max(1.0)
+                    * (1.0 + DISPLACED * fit.displacement / finest);
                 let rank = (!self.is_resolved_by(&lattice), coarseness);
                 if lattice.tet_count() <= max_tets && rank < best.0 {
                     best = (rank, lattice);
@@ -87,14 +89,15 @@ impl SensorDesign {
         Ok(best.1)
     }
 
-    /// Lattices of at most so many tetrahedra, one of which may suit the electrodes better than others: [`SensorDesign::lattice`]
-    /// first, then such with higher or lower layers, that are finer along x or along y, and that follow electrode edges close
-    /// to each other more or less.
+    /// Lattices of at most so many tetrahedra, one of which may suit the electrodes better than [`SensorDesign::lattice`], which may
+    /// be among them: with higher or lower layers, finer along x or along y, with cells that follow electrode edges close to each
+    /// other more or less, or with planes that these share. None twice.
     ///
     /// # Errors
-    /// As [`SensorDesign::lattice`].
-    pub fn lattices(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
-        let mut lattices = vec![self.lattice(max_tets)?];
+    /// When the design is invalid.
+    pub fn varied_lattices(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
+        self.validate()?;
+        let mut lattices = Vec::new();
         let least = (WORTH_COMPARING * max_tets as f64) as usize;
         for aspect in VARIED_ASPECTS {
             for height in VARIED_HEIGHTS {
@@ -110,8 +113,8 @@ impl SensorDesign {
         Ok(lattices)
     }
 
-    /// The finest lattices of at most so many tetrahedra, with the spacing at electrodes: one for each crowding that makes a difference,
-    /// and one for each distance within which electrode edges may share a plane.
+    /// The finest lattices of at most so many tetrahedra, with the spacing at electrodes: one for each crowding that makes a
+    /// difference, and one for each distance within which electrode edges may share a plane. Of few tetrahedra the usual one.
     fn finest_lattices(
         &self,
         max_tets: usize,
@@ -136,70 +139,54 @@ impl SensorDesign {
             }
             lattices.push(crowded);
         }
-        // What an electrode is narrower than would make a line of it.
-        let largest = (LARGEST_MET * lattices[0].0).min((1.0 - IN_PLANE) * self.narrowest());
-        for met in self.gaps().into_iter().take(MET).take_while(|met| *met <= largest) {
-            lattices.push(finest(Variation { met: met * (1.0 + IN_PLANE), ..usual })?);
+        // With a plane between its own edges, an electrode would be a line.
+        let own = |outline: &Outline| (0..2).flat_map(|axis| distances(outline.axis_planes(axis))).collect();
+        let narrowest = self.outlines().flat_map::<Vec<f64>, _>(own).fold(f64::INFINITY, f64::min);
+        let largest = (LARGEST_SHARING * lattices[0].0).min((1.0 - IN_PLANE) * narrowest);
+        let mut sharings = self.distances();
+        sharings.dedup_by(|b, a| *b - *a <= self.slack());
+        for sharing in sharings.into_iter().take(SHARINGS).take_while(|sharing| *sharing <= largest) {
+            lattices.push(finest(Variation { sharing: sharing * (1.0 + IN_PLANE), ..usual })?);
         }
         Ok(lattices)
     }
 
-    /// Distances between electrode edges that follow each other along x or y, ascending, none of them twice.
-    fn gaps(&self) -> Vec<f64> {
-        let slack = IN_PLANE * self.domain.size().max_element();
-        let mut gaps = self.distances();
-        gaps.sort_by(f64::total_cmp);
-        gaps.dedup_by(|b, a| *b - *a <= slack);
-        gaps
+    fn outlines(&self) -> impl Iterator<Item = &Outline> {
+        self.electrodes.iter().map(|electrode| &electrode.outline)
     }
 
+    /// Coordinates that differ by no more than this are the same but for rounding.
+    fn slack(&self) -> f64 {
+        IN_PLANE * self.domain.size().max_element()
+    }
+
+    /// How far electrode edges that follow each other along x or y are apart, ascending.
     fn distances(&self) -> Vec<f64> {
-        let of_axis = |axis| {
-            let outlines = self.electrodes.iter().map(|electrode| &electrode.outline);
-            let mut edges: Vec<f64> = outlines.flat_map(|outline| outline.axis_planes(axis)).collect();
-            edges.sort_by(f64::total_cmp);
-            edges.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()
-        };
-        let slack = IN_PLANE * self.domain.size().max_element();
-        (0..2).flat_map(of_axis).filter(|distance| *distance > slack).collect()
+        let of_axis =
+            |axis| distances(self.outlines().flat_map(|outline| outline.axis_planes(axis)).collect());
+        let mut all: Vec<f64> = (0..2).flat_map(of_axis).filter(|d| *d > self.slack()).collect();
+        all.sort_by(f64::total_cmp);
+        all
     }
 
-    /// The smallest distance between edges of one electrode that are parallel to an axis, in metres.
-    fn narrowest(&self) -> f64 {
-        let of_axis = |outline: &Outline, axis: usize| {
-            outline.axis_planes(axis).windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min)
-        };
-        let outlines = self.electrodes.iter().map(|electrode| &electrode.outline);
-        outlines.map(|outline| of_axis(outline, 0).min(of_axis(outline, 1))).fold(f64::INFINITY, f64::min)
-    }
-
-    /// How far the electrodes' edges are from the nearest planes, the mean, in metres.
-    fn displacement(&self, lattice: &Lattice) -> f64 {
-        let (mut sum, mut count) = (0.0, 0);
+    /// How a lattice fits the electrodes' edges.
+    fn fit(&self, lattice: &Lattice) -> Fit {
+        let mut fit = Fit { displacement: 0.0, unevenness: 1.0 };
+        let mut edges = 0;
         for axis in 0..2 {
             let planes = &lattice.axes()[axis];
-            for edge in self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis)) {
-                sum += planes.iter().map(|plane| (plane - edge).abs()).fold(f64::INFINITY, f64::min);
-                count += 1;
-            }
-        }
-        sum / f64::from(count.max(1))
-    }
-
-    /// By which factor cells on both sides of an electrode's edge differ at most.
-    fn unevenness(&self, lattice: &Lattice) -> f64 {
-        let mut most = 1.0f64;
-        for axis in 0..2 {
-            let planes = &lattice.axes()[axis];
-            for edge in self.electrodes.iter().flat_map(|electrode| electrode.outline.axis_planes(axis)) {
-                let inner = 1..planes.len() - 1;
+            for edge in self.outlines().flat_map(|outline| outline.axis_planes(axis)) {
                 let from = |at: &usize| (planes[*at] - edge).abs();
-                let Some(at) = inner.min_by(|a, b| from(a).total_cmp(&from(b))) else { continue };
+                let nearest = (1..planes.len() - 1).min_by(|a, b| from(a).total_cmp(&from(b)));
+                let Some(at) = nearest else { continue };
                 let ratio = (planes[at + 1] - planes[at]) / (planes[at] - planes[at - 1]);
-                most = most.max(ratio).max(ratio.recip());
+                fit.unevenness = fit.unevenness.max(ratio).max(ratio.recip());
+                fit.displacement += from(&at);
+                edges += 1;
             }
         }
-        most
+        fit.displacement /= f64::from(edges.max(1));
+        fit
     }
 
     /// Whether each electrode has a node within its rim.
@@ -240,10 +227,9 @@ impl SensorDesign {
 
     /// What a lattice should know of the electrodes.
     fn pattern(&self) -> Pattern {
-        let rims = self.electrodes.iter().map(|electrode| electrode.outline.rim_along_axes()).sum();
-        let mut gaps = self.distances();
-        gaps.sort_by(f64::total_cmp);
-        Pattern { rims, feature: gaps.get(gaps.len() / 2).copied().unwrap_or(f64::INFINITY) }
+        let rims = self.outlines().map(Outline::rim_along_axes).sum();
+        let distances = self.distances();
+        Pattern { rims, feature: distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY) }
     }
 
     /// The graded lattice whose spacing at the electrodes is `finest` metres, and away from them grows by a factor from
@@ -277,21 +263,18 @@ impl SensorDesign {
         let near = self.near();
         let mut axes = [const { Vec::new() }; 3];
         for (axis, coordinates) in axes.iter_mut().enumerate() {
+            let faces: Vec<f64> = board.iter().flat_map(|board| [board.min[axis], board.max[axis]]).collect();
             let mut planes = Vec::new();
             let mut fine = Vec::new();
-            for electrode in &self.electrodes {
-                if axis == 2 {
-                    planes.push(electrode.z);
-                } else {
-                    planes.extend(electrode.outline.axis_planes(axis));
-                    fine.extend(electrode.outline.fine_intervals(axis));
-                }
+            if axis == 2 {
+                planes.extend(self.electrodes.iter().map(|electrode| electrode.z));
+            } else {
+                let edges = self.outlines().flat_map(|outline| outline.axis_planes(axis)).collect();
+                planes = with_planes_shared(edges, &faces, grading.sharing());
+                fine.extend(self.outlines().flat_map(|outline| outline.fine_intervals(axis)));
+                join_near(&mut fine, JOINED * grading.finest(axis));
             }
-            if axis < 2 {
-                planes = met(planes, grading.met());
-            }
-            planes.extend(board.iter().flat_map(|board| [board.min[axis], board.max[axis]]));
-            join_near(&mut fine, JOINED * grading.finest(axis));
+            planes.extend(faces);
             let fixed = || planes.iter().chain(fine.iter().flatten()).copied();
             let ends = [fixed().fold(f64::INFINITY, f64::min), fixed().fold(f64::NEG_INFINITY, f64::max)];
             let spacing = |place: Along| {
@@ -305,25 +288,29 @@ impl SensorDesign {
     }
 }
 
-/// Joins intervals that overlap or are no farther apart than a gap.
-fn join_near(intervals: &mut Vec<[f64; 2]>, gap: f64) {
-    intervals.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    intervals.dedup_by(|next, kept| {
-        let joined = next[0] - kept[1] <= gap;
-        if joined {
-            kept[1] = kept[1].max(next[1]);
-        }
-        joined
-    });
+/// How a lattice fits the electrodes' edges.
+#[derive(Clone, Copy, Debug)]
+struct Fit {
+    /// How far edges are from the nearest planes, the mean, in metres.
+    displacement: f64,
+    /// By which factor cells on both sides of an edge differ at most.
+    unevenness: f64,
 }
 
-/// Coordinates of which those that follow each other within a gap are replaced by the middle between the first and the last.
-fn met(mut coordinates: Vec<f64>, gap: f64) -> Vec<f64> {
+/// From each coordinate to the next.
+fn distances(mut coordinates: Vec<f64>) -> Vec<f64> {
     coordinates.sort_by(f64::total_cmp);
-    let groups = coordinates.chunk_by(|a, b| b - a <= gap).flat_map(|group| {
+    coordinates.windows(2).map(|pair| pair[1] - pair[0]).collect()
+}
+
+/// Edges of which those that follow each other within a distance are replaced by the middle between the first and the last,
+/// unless there are so many that one would be farther than half of that away, or a face that has a plane of its own is as near.
+fn with_planes_shared(mut edges: Vec<f64>, faces: &[f64], within: f64) -> Vec<f64> {
+    edges.sort_by(f64::total_cmp);
+    let groups = edges.chunk_by(|a, b| b - a <= within).flat_map(|group| {
         let (first, last) = (group[0], group[group.len() - 1]);
-        // Not so that an edge ends up more than half of a gap away.
-        match last - first <= gap {
+        let has_face = faces.iter().any(|face| (first - within..=last + within).contains(face));
+        match last - first <= within && !has_face {
             true => vec![0.5 * (first + last)],
             false => group.to_vec(),
         }

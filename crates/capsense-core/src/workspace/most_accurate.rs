@@ -1,9 +1,9 @@
 //! The most accurate of the meshes of at most so many tetrahedra.
 //!
-//! Which spacing suits electrodes that are not alike cannot be told from their edges: what bars change of three stripes' capacitances is
-//! off by half as much on a lattice of 33,264 tetrahedra as on one of 39,744, and of two rows of patches by a third as much if
-//! layers are somewhat higher. So some sizes and gradings ([`SensorDesign::lattices`]) are tried, in a race in which most are given up after
-//! a few places.
+//! Which spacing suits electrodes cannot be told from their edges: what bars change of three stripes' capacitances is off by half as
+//! much on a lattice of 33,264 tetrahedra as on one of 39,744, and of two rows of patches by a third as much on 25,704 as on the
+//! usual 25,920. So some sizes and gradings ([`SensorDesign::varied_lattices`]) are tried, in a race in which most are given up
+//! after a few places.
 
 use super::choice::{FINER, expected_ratio};
 use super::{Change, Probed, Probes, WorkspaceError, electrode_bounds, top};
@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 /// more, errors hardly go up and down, and comparing takes seconds.
 const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
 
-/// How many sizes are tried, and by which factor they follow each other. With ten, of 60,000 tetrahedra 45,360 are taken for a sensor
+/// How many sizes of the usual mesh are tried, and by which factor they follow each other. With ten, of 60,000 tetrahedra 45,360 are taken for a sensor
 /// of five electrodes, on which plates and balls are off by half as much, but a hand by twice as much.
 const SIZES: i32 = 3;
 const SMALLER: f64 = 0.917_004_043_204_671_2;
@@ -33,7 +33,8 @@ const OF_EMPTY: f64 = 4.0;
 /// Places that follow each other are so many apart in the lists of the bodies'.
 const STRIDE: usize = 4;
 
-/// After so many places a mesh is given up whose squared errors until then add up to so many times those of the best.
+/// After so many places a mesh is given up whose squared errors until then add up to so many times those of the best, or of the usual
+/// one less what [`CLEARLY`] takes off.
 const PATIENT: usize = 4;
 const HOPEFUL: f64 = 1.3;
 
@@ -62,9 +63,10 @@ const BALLS: [Ball; 2] = [
 const LONGEST: f64 = 0.5;
 
 /// The sensor on the most accurate mesh of at most so many tetrahedra, of some that are tried: by C and its changes that the plate
-/// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four to eight
-/// times as many. The usual mesh, [`Sensor::generated`], where that cannot be told or no other is clearly better, and where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all
-/// cores where there is no number; the choice does not depend on them.
+/// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four
+/// to eight times as many. The usual mesh, [`Sensor::generated`], where that cannot be told or no other is clearly better, and
+/// where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all cores where there is no number; the choice
+/// does not depend on them.
 ///
 /// # Errors
 /// As [`Sensor::generated`].
@@ -104,13 +106,15 @@ pub fn most_accurate(
         // None where these are too few for the electrodes.
         Sensor::generated(design, kind, (max_tets as f64 * SMALLER.powi(size)) as usize).ok()
     });
-    let varied = match kind {
-        MeshKind::Lattice => design.lattices(max_tets)?,
-        MeshKind::Bisection => Vec::new(),
-    };
-    let varied = varied.iter().skip(1).filter_map(|lattice| Sensor::on_lattice(design, lattice).ok());
-    let best = Comparison::new(design, max_tets, threads)
-        .and_then(|comparison| comparison.best(&usual, smaller.chain(varied)));
+    let best = Comparison::new(design, max_tets, threads).and_then(|comparison| {
+        let varied = match kind {
+            MeshKind::Lattice => design.varied_lattices(max_tets)?,
+            MeshKind::Bisection => Vec::new(),
+        };
+        let varied = varied.iter().filter(|lattice| usual.lattice() != Some(lattice));
+        let varied = varied.filter_map(|lattice| Sensor::on_lattice(design, lattice).ok());
+        comparison.best(&usual, smaller.chain(varied))
+    });
     // Where nothing can be told, the usual one is taken.
     Ok(best.ok().flatten().unwrap_or(usual))
 }

@@ -20,8 +20,8 @@ const SMALLEST_AT_CORNERS: f64 = 0.1;
 /// field at a rim of the lattice differs from that at a true rim.
 const LOOK: f64 = 3.0;
 
-/// Fields of which a larger part than this is not that of plates count as spreading altogether: with shields farther away than one and a half
-/// cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
+/// Fields of which a larger part than this is not that of plates count as spreading altogether: with shields farther away than
+/// one and a half cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
 const SPREADING: f64 = 0.7;
 
 /// Nodes closer to the outline than this part of a cell lie on it.
@@ -62,7 +62,9 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
                 let near_rim = || Surroundings { ground, place: [i, j, k], size, middle }.link(&place);
-                match link_of_far(&place, size + 2.0 * middle.abs(), height).unwrap_or_else(near_rim) {
+                // As far as the larger of two unequal cells reaches.
+                let larger = before.max(after);
+                match link_of_far(&place, larger, height).unwrap_or_else(near_rim) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
                         rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 })
@@ -129,7 +131,8 @@ impl Surroundings<'_> {
 
     /// Where a field goes straight down to a shield, what counts is the covered part of a node's cell: the product of what
     /// either side leaves of it. A field that spreads is stronger at corners, and the share is larger by an excess. It
-    /// vanishes where either side has all of the node, and for a node on the corner it gives the share that is known.
+    /// vanishes where either side has all of the node, and for a node on the corner, its neighbours equally far, it gives the
+    /// share that is known.
     fn at_corner(&self, corner: &Corner) -> Shared {
         let [a, b] = corner.normals.map(|normal| self.across(normal, normal.dot(corner.from)));
         let on_rim = (0.5 * (a.on_rim + b.on_rim)).clamp(SMALLEST_AT_CORNERS, CONVEX_CORNER);
