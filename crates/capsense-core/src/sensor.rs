@@ -205,6 +205,16 @@ impl Sensor {
         self
     }
 
+    /// The same sensor with the links at the rims of each electrode weighing so many times as much: one factor for each
+    /// electrode, positive.
+    #[must_use]
+    pub fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
+        for link in &mut self.rim {
+            link.weight *= factors[usize::from(link.electrode)];
+        }
+        self
+    }
+
     /// The same sensor, of which it no longer is known that its mesh is a lattice: what operators are compared with.
     #[must_use]
     pub fn off_lattice(mut self) -> Self {

@@ -304,6 +304,12 @@ impl Simulator {
         &self.held
     }
 
+    /// The potential of a node, in volts, with one of the electrodes or objects of [`Simulator::with_objects_held`] at 1 V and all
+    /// others at 0 V, as the last solve on the processor left the field.
+    pub(crate) fn potential_with_objects_held(&self, column: usize, node: usize) -> f64 {
+        self.fields.potential(column, node)
+    }
+
     /// Entries of the Maxwell matrix between each electrode and ground with all that is grounded: farads, negative.
     /// They are charges on the ground, not the negated row sums of [`Simulator::capacitance`], and so a check on
     /// them. A capacitance from an object to ground is not part of it.

@@ -52,7 +52,7 @@ fn error_beside(design: &SensorDesign, request: &MeshRequest) -> f64 {
     let choice = request.choose(design).unwrap();
     let tets = choice.sensor.mesh().tets().len();
     assert!(tets <= choice.allowed, "{tets} of {}", choice.allowed);
-    assert!(choice.error < request.tolerance && choice.compared_with >= 4 * tets, "{choice:?}");
+    assert!(choice.error < request.tolerance && choice.compared_with >= 4 * tets, "{}", choice.error);
     let finer = Sensor::generated(design, MeshKind::Lattice, 16 * tets.max(30_000)).unwrap();
     let (ours, theirs) = (changes(choice.sensor, &bars()), changes(finer, &bars()));
     let error =
@@ -107,12 +107,13 @@ fn a_smaller_tolerance_takes_more_tetrahedra() {
     assert!(allowed[1] < 60_000, "{allowed:?}");
 }
 
-/// Of three stripes, 107,635 tetrahedra are too few for 1 % and 128,000 enough, which follow each other; so are some between.
+/// Of three stripes, 119,808 tetrahedra are the fewest of the usual grading for 1 %.
 #[test]
-fn sizes_between_those_that_follow_each_other_are_tried() {
+fn other_gradings_are_tried() {
     let design = three_stripes();
     let choice = MeshRequest::new(&design, 0.01, MeshKind::Lattice).choose(&design).unwrap();
-    assert!((110_000..123_000).contains(&choice.sensor.mesh().tets().len()), "{choice:?}");
+    let tets = choice.sensor.mesh().tets().len();
+    assert!(tets < 100_000, "{tets}");
     assert!(choice.error < 0.01, "{}", choice.error);
 }
 
@@ -128,11 +129,10 @@ fn the_choice_is_the_same_for_every_number_of_threads() {
         assert_eq!(other.error.to_bits(), of_threads[0].error.to_bits());
         assert_eq!(other, &of_threads[0]);
     }
-    let again = Sensor::generated(&design, MeshKind::Lattice, of_threads[0].allowed).unwrap();
-    assert_eq!(again, of_threads[0].sensor);
 }
 
-/// Of 40,000 tetrahedra 36,288 are better than 39,744, at poses where nobody looked; of 30,000 the most are.
+/// Links at rims that weigh what suits the mesh, and other sizes and gradings, leave less of the errors of the usual mesh, at poses where
+/// nobody looked.
 #[test]
 fn of_at_most_so_many_tetrahedra_the_best_mesh_is_taken() {
     let design = three_stripes();
@@ -142,7 +142,7 @@ fn of_at_most_so_many_tetrahedra_the_best_mesh_is_taken() {
         let errors = changes(sensor, &bars()).into_iter().zip(&exact).map(|(ours, exact)| ours.error(exact));
         errors.map(|error| error.unwrap().of_all.powi(2)).sum::<f64>().sqrt()
     };
-    for (elements, most) in [(30_000, 1.0), (40_000, 0.75)] {
+    for (elements, most) in [(15_000, 0.5), (30_000, 0.9), (40_000, 0.6), (60_000, 0.6)] {
         let [best, other] =
             [1, 3].map(|threads| most_accurate(&design, MeshKind::Lattice, elements, Some(threads)).unwrap());
         assert_eq!(best, other);

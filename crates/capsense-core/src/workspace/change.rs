@@ -43,20 +43,25 @@ impl Change {
 
     /// By how much the change is off a reference of the same sensor; none where that is felt by no electrode.
     pub fn error(&self, reference: &Self) -> Option<ChangeError> {
-        let felt: Vec<f64> = upper_triangle(self.size)
+        let scales = reference.scales()?;
+        let squares = self
+            .farads
+            .iter()
             .zip(&reference.farads)
+            .zip(&scales)
+            .map(|((ours, theirs), scale)| ((ours - theirs) / scale).powi(2));
+        let (sum, largest) = squares.fold((0.0, 0.0f64), |(sum, most), e| (sum + e, most.max(e)));
+        Some(ChangeError { of_all: (sum / self.farads.len() as f64).sqrt(), largest: largest.sqrt() })
+    }
+
+    /// What errors of entries are relative to, √(ΔC_ii ΔC_jj), in farads; none where no electrode feels the body.
+    pub(super) fn scales(&self) -> Option<Vec<f64>> {
+        let felt: Vec<f64> = upper_triangle(self.size)
+            .zip(&self.farads)
             .filter_map(|((i, j), farads)| (i == j).then_some(*farads))
             .collect();
         let most = felt.iter().copied().fold(0.0, f64::max);
-        if most <= 0.0 {
-            return None;
-        }
-        let scales: Vec<f64> = felt.into_iter().map(|felt| felt.max(FELT * most)).collect();
-        let entries = self.farads.iter().zip(&reference.farads);
-        let squares = upper_triangle(self.size)
-            .zip(entries)
-            .map(|((i, j), (ours, theirs))| (ours - theirs).powi(2) / (scales[i] * scales[j]));
-        let (sum, largest) = squares.fold((0.0, 0.0f64), |(sum, most), e| (sum + e, most.max(e)));
-        Some(ChangeError { of_all: (sum / self.farads.len() as f64).sqrt(), largest: largest.sqrt() })
+        let felt = |i: usize| felt[i].max(FELT * most);
+        (most > 0.0).then(|| upper_triangle(self.size).map(|(i, j)| (felt(i) * felt(j)).sqrt()).collect())
     }
 }

@@ -1,13 +1,15 @@
 //! The smallest mesh whose estimated error of ΔC is below a tolerance.
 //!
 //! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
-//! other, a fifth more each time: as edges of electrodes must be in lattice planes, some sizes are much better than others. Between
-//! the first that is exact enough and the one before, smaller ones are looked for by halves.
+//! other, a fifth more each time, all of them with links at rims that weigh what suits them best: as edges of electrodes must be in
+//! lattice planes, some sizes are much better than others. Between the first that is exact enough and the one before, smaller ones
+//! are looked for by halves, then lattices of other gradings that are smaller still.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
-use super::{Change, Probed, Probes};
+use super::comparison::Comparison;
+use super::most_accurate::{COMPARED, SMALLER};
+use super::{Change, Probes};
 use crate::geometry::Shape;
-use crate::material::Connection;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
@@ -18,6 +20,12 @@ const FIRST: usize = 4_000;
 
 /// How many times as many tetrahedra the lattice has at least that others are compared with.
 pub(super) const FINER: f64 = 4.0;
+
+/// How many times as many it should have, as long as that is not above so many: what it is off by itself, links take over. A lattice that
+/// has nearly so many will do.
+const MUCH_FINER: f64 = 32.0;
+const COMFORTABLE: f64 = 4e6;
+const NEARLY: f64 = 0.8;
 
 /// Tetrahedra of the finest lattice that others are compared with: it needs about 2 GB.
 const FINEST: usize = 8_000_000;
@@ -37,6 +45,15 @@ const TRIED_NEXT: f64 = 1.189_207_115_002_721;
 
 /// How often what is between the size found and the one before is halved.
 const HALVINGS: usize = 3;
+
+/// Bodies by their index: the plate, and a ball, its radius in parts of the plate's sides, as what suits plates need not suit bodies that
+/// are no wider than some cells.
+const PLATE: usize = 0;
+const BALL: usize = 1;
+const RADIUS: f64 = 0.2;
+
+/// By how many times the tolerance each of them may be off.
+const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
 /// The smallest size, as a power of the latter from the first lattice: a quarter of it.
 const LEAST_STEP: f64 = -8.0;
@@ -99,9 +116,9 @@ pub struct MeshRequest {
 pub struct MeshChoice {
     /// The sensor on that mesh.
     pub sensor: Sensor,
-    /// How many tetrahedra were allowed: [`Sensor::generated`] makes the same mesh of it.
+    /// How many tetrahedra were allowed.
     pub allowed: usize,
-    /// The estimated error of ΔC, the largest of all probes.
+    /// The estimated error of ΔC, the largest of all places: that of the plate, or two fifths of that of the ball.
     pub error: f64,
     /// Tetrahedra of the lattice that it was compared with.
     pub compared_with: usize,
@@ -129,20 +146,24 @@ impl MeshRequest {
         let mut coarser = search.first()?;
         let mut reference = search.finer_than(&coarser, STEPS[1])?;
         loop {
-            let foreseen = search.foreseen(&coarser, &reference)?;
+            let foreseen = search.foreseen(&coarser.of, &reference.of)?;
             let is_finest = reference.allowed == FINEST;
-            let most = reference.tets as f64 / FINER;
-            if (foreseen <= most || is_finest)
-                && let Some(choice) = search.smallest(foreseen.min(most), &reference)?
+            let wanted = (MUCH_FINER * foreseen).min(COMFORTABLE).max(FINER * foreseen);
+            let tets = reference.of.tets as f64;
+            if (tets > NEARLY * wanted || is_finest)
+                && let Some(choice) = search.smallest(foreseen.min(tets / FINER), &reference)?
             {
                 return Ok(choice);
             }
             if is_finest || foreseen > HOPELESS {
                 return Err(search.out_of_reach(foreseen));
             }
-            let wanted = 1.25 * FINER * foreseen / reference.tets as f64;
-            let finer = search.finer_than(&reference, wanted.clamp(STEPS[0], STEPS[1]))?;
-            coarser = std::mem::replace(&mut reference, finer);
+            let finer = search.finer_than(&reference, (wanted / tets).clamp(STEPS[0], STEPS[1]))?;
+            let before = std::mem::replace(&mut reference, finer);
+            // Of lattices nearly as fine, little can be told of how errors fall.
+            if reference.of.tets as f64 > FINER * before.of.tets as f64 {
+                coarser = before;
+            }
         }
     }
 }
@@ -152,11 +173,10 @@ pub(super) fn expected_ratio(tets: usize, of_finer: usize) -> Option<f64> {
     (of_finer > tets).then(|| (of_finer as f64 / tets as f64).powf(ORDER))
 }
 
-/// What the plate changes on one lattice.
+/// What bodies change on one lattice of at most so many tetrahedra.
 struct Rung {
     allowed: usize,
-    tets: usize,
-    changes: Vec<Change>,
+    of: Comparison,
 }
 
 struct Search<'a> {
@@ -169,18 +189,14 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn probed(&self, sensor: Sensor) -> Result<Probed, WorkspaceError> {
-        let MeshRequest { tolerance, probes, threads, .. } = self.request;
-        let plate = Shape::Box { size: probes.plate };
-        Probed::new(sensor, &[plate], Connection::Grounded, *tolerance, *threads)
-    }
-
     fn rung(&self, allowed: usize) -> Result<Rung, WorkspaceError> {
+        let MeshRequest { tolerance, probes, threads, .. } = self.request;
         let sensor = Sensor::generated(self.design, MeshKind::Lattice, allowed)?;
-        let tets = sensor.mesh().tets().len();
-        let mut probed = self.probed(sensor)?;
-        let changes = self.request.probes.places.iter().map(|&place| probed.change(0, place));
-        Ok(Rung { allowed, tets, changes: changes.collect::<Result<_, _>>()? })
+        let radius = RADIUS * probes.plate.x;
+        let bodies = vec![Shape::Box { size: probes.plate }, Shape::Sphere { radius }];
+        let (places, known) = places(self.design, probes, radius);
+        let of = Comparison::new(sensor, bodies, places, known, *tolerance, *threads)?;
+        Ok(Rung { allowed, of })
     }
 
     /// The first lattice: the smallest that resolves the electrodes, where that is larger than usual.
@@ -206,24 +222,26 @@ impl Search<'_> {
         self.rung(FINEST.min((rung.allowed as f64 * times) as usize))
     }
 
-    /// The estimated error of a mesh of so many tetrahedra with the plate at one of the places.
+    /// The estimated error of a mesh of so many tetrahedra with a body at one of the places, in parts of what is allowed for that body.
     fn error(
         &self,
         tets: usize,
         change: &Change,
-        reference: &Rung,
+        reference: &Comparison,
         at: usize,
     ) -> Result<f64, WorkspaceError> {
-        let places = &self.request.probes.places;
-        let error = change.error(&reference.changes[at]).ok_or(WorkspaceError::NotFelt(places[at]))?;
-        Ok(expected_ratio(tets, reference.tets).map_or(f64::INFINITY, |left| error.of_all / (1.0 - left)))
+        let ([exact, _], (body, place)) = (&reference.changes[at], reference.places[at]);
+        let error = change.error(exact).ok_or(WorkspaceError::NotFelt(place))?.of_all / TOLERANCES[body];
+        Ok(expected_ratio(tets, reference.tets).map_or(f64::INFINITY, |left| error / (1.0 - left)))
     }
 
-    /// How many tetrahedra it takes if errors fall as they should from those of a lattice.
-    fn foreseen(&self, rung: &Rung, reference: &Rung) -> Result<f64, WorkspaceError> {
+    /// How many tetrahedra it takes if errors of the plate fall as they should from those of a lattice.
+    fn foreseen(&self, rung: &Comparison, reference: &Comparison) -> Result<f64, WorkspaceError> {
         let mut largest = 0.0f64;
-        for (at, change) in rung.changes.iter().enumerate() {
-            largest = largest.max(self.error(rung.tets, change, reference, at)?);
+        for (at, [change, _]) in rung.changes.iter().enumerate() {
+            if rung.places[at].0 == PLATE {
+                largest = largest.max(self.error(rung.tets, change, reference, at)?);
+            }
         }
         Ok(rung.tets as f64 * (largest / self.request.tolerance).powf(-1.0 / ORDER))
     }
@@ -240,7 +258,7 @@ impl Search<'_> {
     /// The smallest mesh that is exact enough, of those from which the reference is far enough. What was not before, with
     /// a coarser reference, is not tried again.
     fn smallest(&mut self, foreseen: f64, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
-        let most = reference.tets as f64 / FINER;
+        let most = reference.of.tets as f64 / FINER;
         let first = (TRIED_FIRST * foreseen / FIRST as f64).log(TRIED_NEXT).floor().max(LEAST_STEP) as i32;
         for step in self.step.unwrap_or(first).. {
             let allowed = (FIRST as f64 * TRIED_NEXT.powi(step)) as usize;
@@ -248,9 +266,10 @@ impl Search<'_> {
             if allowed as f64 > most {
                 break;
             }
-            if let Some(choice) = self.exact_enough(allowed, reference)? {
+            if let Some(choice) = self.usual(allowed, reference)? {
                 let before = allowed as f64 / TRIED_NEXT;
-                return self.smallest_from(before as usize, choice, reference).map(Some);
+                let smallest = self.smallest_from(before as usize, choice, reference)?;
+                return self.smallest_varied(smallest, reference).map(Some);
             }
         }
         Ok(None)
@@ -267,7 +286,7 @@ impl Search<'_> {
             let middle = usize::midpoint(too_small, found.allowed);
             // The same mesh may be what a smaller number allows.
             let most = found.sensor.mesh().tets().len();
-            match self.exact_enough(middle.min(most - 1), reference)? {
+            match self.usual(middle.min(most - 1), reference)? {
                 Some(smaller) => found = smaller,
                 None => too_small = middle.min(most - 1),
             }
@@ -275,29 +294,79 @@ impl Search<'_> {
         Ok(found)
     }
 
-    /// A mesh of at most so many tetrahedra, if it is exact enough; places are looked at until it is not.
+    /// A smaller lattice of another grading than the usual one, if there is one that is exact enough: sizes are tried downwards until no
+    /// lattice of one is.
+    fn smallest_varied(
+        &mut self,
+        mut found: MeshChoice,
+        reference: &Rung,
+    ) -> Result<MeshChoice, WorkspaceError> {
+        let mut allowed = found.sensor.mesh().tets().len();
+        if self.request.kind == MeshKind::Bisection || !COMPARED.contains(&allowed) {
+            return Ok(found);
+        }
+        loop {
+            allowed = (SMALLER * allowed as f64) as usize;
+            let lattices = self.design.varied_lattices(allowed)?;
+            let sensors = lattices.iter().filter_map(|lattice| Sensor::on_lattice(self.design, lattice).ok());
+            let tried = sensors.map(|sensor| self.exact_enough(sensor, allowed, reference));
+            match tried.filter_map(Result::transpose).next() {
+                Some(smaller) => found = smaller?,
+                None => return Ok(found),
+            }
+        }
+    }
+
+    /// The usual mesh of at most so many tetrahedra, if it is exact enough.
+    fn usual(&mut self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+        match Sensor::generated(self.design, self.request.kind, allowed) {
+            // Too few for the electrodes.
+            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => Ok(None),
+            sensor => self.exact_enough(sensor?, allowed, reference),
+        }
+    }
+
+    /// A mesh, with links that weigh what suits it best, if it is exact enough then; places are looked at until it is not.
     fn exact_enough(
         &mut self,
+        sensor: Sensor,
         allowed: usize,
         reference: &Rung,
     ) -> Result<Option<MeshChoice>, WorkspaceError> {
-        let MeshRequest { tolerance, kind, probes, .. } = self.request;
-        let sensor = match Sensor::generated(self.design, *kind, allowed) {
-            // Too few for the electrodes.
-            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => return Ok(None),
-            sensor => sensor?,
-        };
-        let tets = sensor.mesh().tets().len();
-        let mut probed = self.probed(sensor)?;
+        let Some(balance) = reference.of.balance(&sensor, |_| true)? else { return Ok(None) };
+        let sensor = sensor.with_rims_weighed(&balance.factors());
+        let mut probed = reference.of.probed(sensor.clone())?;
         let mut largest = 0.0f64;
-        for (at, &place) in probes.places.iter().enumerate() {
-            largest = largest.max(self.error(tets, &probed.change(0, place)?, reference, at)?);
-            if largest >= *tolerance {
+        let tets = sensor.mesh().tets().len();
+        for (at, &(body, place)) in reference.of.places.iter().enumerate() {
+            let [change, _] = probed.changes(body, place)?;
+            largest = largest.max(self.error(tets, &change, &reference.of, at)?);
+            if largest >= self.request.tolerance {
                 self.last = largest;
                 return Ok(None);
             }
         }
-        let sensor = probed.into_sensor();
-        Ok(Some(MeshChoice { sensor, allowed, error: largest, compared_with: reference.tets }))
+        Ok(Some(MeshChoice { sensor, allowed, error: largest, compared_with: reference.of.tets }))
     }
+}
+
+/// Where bodies are put, and of how many of these places, the first, links are to know: the plate at all probes and the ball at every
+/// second, as far above the electrodes. Then the plate half way between each probe and the next, where it is only seen how exact a
+/// mesh is: what suits the places that it is chosen for may suit no others.
+fn places(design: &SensorDesign, probes: &Probes, radius: f64) -> (Vec<(usize, DVec3)>, usize) {
+    // Beside or below electrodes there may be no room for others than the probes.
+    let lowest = Probes::lowest(design);
+    let is_above = |place: &DVec3| place.z >= lowest;
+    let higher = (radius - 0.5 * probes.plate.z) * DVec3::Z;
+    let mut places = Vec::new();
+    for (at, &place) in probes.places.iter().enumerate() {
+        places.push((PLATE, place));
+        if at % 2 == 0 && is_above(&place) {
+            places.push((BALL, place + higher));
+        }
+    }
+    let known = places.len();
+    let between = probes.places.windows(2).filter(|pair| pair.iter().all(is_above));
+    places.extend(between.map(|pair| (PLATE, 0.5 * (pair[0] + pair[1]))));
+    (places, known)
 }

@@ -10,21 +10,18 @@
 //! and that of a mesh the largest of all probes. Errors fall with the number of tetrahedra N like N^(-2/3), as those of linear
 //! elements do, so the finer lattice itself is off by a known part of the difference.
 
+mod balance;
 mod change;
 mod choice;
+mod comparison;
 mod most_accurate;
+mod probed;
 
 pub use change::{Change, ChangeError};
 pub use choice::{MeshChoice, MeshRequest, WorkspaceError};
 pub use most_accurate::most_accurate;
 
-use crate::capacitance::CapacitanceMatrix;
-use crate::geometry::{Pose, Shape};
-use crate::material::{Connection, Material};
-use crate::sensor::{Sensor, SensorDesign};
-use crate::simulator::Simulator;
-use crate::solids::Solids;
-use crate::solver::SolverOptions;
+use crate::sensor::SensorDesign;
 use glam::{DVec2, DVec3};
 
 /// Sides of the plate in parts of the larger side of all electrodes together, and in parts of the domain at most.
@@ -43,14 +40,6 @@ const RANGE: f64 = 4.0;
 
 /// How far plates are to the sides, in parts of the electrodes' side.
 const ASIDE: f64 = 0.6;
-
-/// What the solver may leave of C, in relation to the tolerance of ΔC: bodies far away change C by a thousandth, and which lattice
-/// others are compared with follows from errors to the third digit. With 3e-5, solves that went a little further chose one of 3.75 instead of
-/// 3.70 million tetrahedra, on which one place is off by 0.8 %, and so 213,528 instead of 119,808 for 1 %.
-const SOLVED: f64 = 3e-6;
-
-/// What it leaves of C at least.
-const FINEST_SOLVED: f64 = 1e-10;
 
 /// A grounded plate parallel to the electrodes, and the places where its centre is put.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,66 +94,6 @@ impl Probes {
         let room = design.domain.size().truncate().min_element().min(design.domain.max.z - top(design));
         let side = (PLATE * (high - low).max_element()).min(LARGEST_PLATE * room);
         DVec3::new(side, side, THICKNESS * side)
-    }
-}
-
-/// A sensor with one of some conducting bodies near it.
-pub(crate) struct Probed {
-    simulator: Simulator,
-    bodies: Vec<Solids>,
-}
-
-impl Probed {
-    /// Solves so exactly that it can be told whether the sensor's mesh meets a tolerance of ΔC.
-    pub(crate) fn new(
-        sensor: Sensor,
-        bodies: &[Shape],
-        connection: Connection,
-        tolerance: f64,
-        threads: Option<usize>,
-    ) -> Result<Self, WorkspaceError> {
-        let tolerance = (SOLVED * tolerance).max(FINEST_SOLVED);
-        let options = SolverOptions { tolerance, threads, ..SolverOptions::default() };
-        Ok(Self {
-            simulator: Simulator::new(sensor, vec![Material::Conductor(connection)], options)?,
-            bodies: bodies
-                .iter()
-                .map(|body| Solids::new(std::slice::from_ref(body)))
-                .collect::<Result<_, _>>()?,
-        })
-    }
-
-    /// What a body changes of C with its centre at a place, by its connection.
-    pub(crate) fn change(&mut self, body: usize, place: DVec3) -> Result<Change, WorkspaceError> {
-        self.step(body, place)?;
-        Ok(Change::between(self.simulator.base(), self.simulator.capacitance()))
-    }
-
-    /// What it changes grounded, though it floats, and what it changes floating.
-    pub(crate) fn changes(&mut self, body: usize, place: DVec3) -> Result<[Change; 2], WorkspaceError> {
-        self.step(body, place)?;
-        let with_body = [self.simulator.with_objects_held(), self.simulator.capacitance()];
-        Ok(with_body.map(|with_body| Change::between(self.simulator.base(), with_body)))
-    }
-
-    fn step(&mut self, body: usize, place: DVec3) -> Result<(), WorkspaceError> {
-        self.bodies[body].place(&[Pose::at(place)])?;
-        let _ = self.simulator.step(&self.bodies[body])?;
-        if !self.simulator.contacts().is_empty() {
-            return Err(WorkspaceError::Touches(place));
-        }
-        Ok(())
-    }
-
-    /// C without the bodies, as a change from nothing.
-    pub(crate) fn empty(&self) -> Change {
-        let empty = self.simulator.base();
-        Change::between(&CapacitanceMatrix::zeros(empty.size()), empty)
-    }
-
-    /// The sensor again.
-    pub(crate) fn into_sensor(self) -> Sensor {
-        self.simulator.sensor().clone()
     }
 }
 

@@ -6,29 +6,26 @@
 //! after a few places.
 
 use super::choice::{FINER, expected_ratio};
-use super::{Change, Probed, Probes, WorkspaceError, electrode_bounds, top};
+use super::comparison::Comparison;
+use super::{Probes, WorkspaceError, electrode_bounds, top};
 use crate::geometry::Shape;
-use crate::material::Connection;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use glam::{DVec2, DVec3};
 use std::ops::RangeInclusive;
 
 /// Where there may be fewer or more tetrahedra, the usual mesh is taken: with fewer, cells are as large as the gaps below bodies; with
 /// more, errors hardly go up and down, and comparing takes seconds.
-const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
+pub(super) const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
 
 /// How many sizes of the usual mesh are tried, and by which factor they follow each other. With ten, of 60,000 tetrahedra 45,360 are taken for a sensor
 /// of five electrodes, on which plates and balls are off by half as much, but a hand by twice as much.
 const SIZES: i32 = 3;
-const SMALLER: f64 = 0.917_004_043_204_671_2;
+pub(super) const SMALLER: f64 = 0.917_004_043_204_671_2;
 
 /// How many times as many tetrahedra the lattice has that others are compared with, up to so many; above that, as many times as where
 /// a tolerance is asked for.
-const MUCH_FINER: usize = 8;
-const LARGE: usize = 400_000;
-
-/// For how many changes C without bodies counts.
-const OF_EMPTY: f64 = 4.0;
+const MUCH_FINER: usize = 16;
+const LARGE: usize = 1_200_000;
 
 /// Places that follow each other are so many apart in the lists of the bodies'.
 const STRIDE: usize = 4;
@@ -106,87 +103,68 @@ pub fn most_accurate(
         // None where these are too few for the electrodes.
         Sensor::generated(design, kind, (max_tets as f64 * SMALLER.powi(size)) as usize).ok()
     });
-    let best = Comparison::new(design, max_tets, threads).and_then(|comparison| {
+    let best = compared(design, max_tets, threads).and_then(|comparison| {
         let varied = match kind {
             MeshKind::Lattice => design.varied_lattices(max_tets)?,
             MeshKind::Bisection => Vec::new(),
         };
         let varied = varied.iter().filter(|lattice| usual.lattice() != Some(lattice));
         let varied = varied.filter_map(|lattice| Sensor::on_lattice(design, lattice).ok());
-        comparison.best(&usual, smaller.chain(varied))
+        best(&comparison, usual.clone(), smaller.chain(varied))
     });
     // Where nothing can be told, the usual one is taken.
-    Ok(best.ok().flatten().unwrap_or(usual))
+    Ok(best.unwrap_or(usual))
 }
 
-/// What meshes are compared by.
-struct Comparison {
-    bodies: Vec<Shape>,
-    /// Bodies by their index, where they are put, and what they change there, grounded and floating.
-    places: Vec<(usize, DVec3, [Change; 2])>,
-    /// C without them.
-    empty: Change,
-    /// Tetrahedra of the lattice on which these are exact.
-    tets: usize,
+/// What meshes of so many tetrahedra are compared by.
+fn compared(
+    design: &SensorDesign,
+    max_tets: usize,
     threads: Option<usize>,
+) -> Result<Comparison, WorkspaceError> {
+    let finer = (MUCH_FINER * max_tets).min(LARGE).max((FINER * max_tets as f64) as usize);
+    let finer = Sensor::generated(design, MeshKind::Lattice, finer)?;
+    let (bodies, places) = bodies_and_places(design);
+    let all = places.len();
+    Comparison::new(finer, bodies, places, all, EXACT, threads)
 }
 
-impl Comparison {
-    fn new(design: &SensorDesign, max_tets: usize, threads: Option<usize>) -> Result<Self, WorkspaceError> {
-        let finer = (MUCH_FINER * max_tets).min(LARGE).max((FINER * max_tets as f64) as usize);
-        let finer = Sensor::generated(design, MeshKind::Lattice, finer)?;
-        let tets = finer.mesh().tets().len();
-        let (bodies, places) = bodies_and_places(design);
-        let mut probed = Probed::new(finer, &bodies, Connection::Floating, EXACT, threads)?;
-        let places = places
-            .into_iter()
-            .map(|(body, place)| Ok((body, place, probed.changes(body, place)?)))
-            .collect::<Result<_, WorkspaceError>>()?;
-        Ok(Self { bodies, places, empty: probed.empty(), tets, threads })
-    }
-
-    /// The best of some meshes; none where none is clearly better than the first.
-    fn best(
-        &self,
-        first: &Sensor,
-        others: impl Iterator<Item = Sensor>,
-    ) -> Result<Option<Sensor>, WorkspaceError> {
-        let none = vec![f64::INFINITY; self.places.len() + 1];
-        let Some(errors) = self.errors(first, &none)? else { return Ok(None) };
-        let mut least: Vec<f64> = errors.into_iter().map(|error| CLEARLY * CLEARLY * error).collect();
-        let mut best = None;
-        for sensor in others {
-            // What cannot be compared is not taken.
-            if let Ok(Some(errors)) = self.errors(&sensor, &least) {
-                (least, best) = (errors, Some(sensor));
-            }
+/// The best of some meshes, the first where none is clearly better, with links that weigh what suits it best.
+fn best(
+    comparison: &Comparison,
+    first: Sensor,
+    others: impl Iterator<Item = Sensor>,
+) -> Result<Sensor, WorkspaceError> {
+    let none = vec![f64::INFINITY; comparison.places.len() + 1];
+    let Some(errors) = errors(comparison, &first, &none)? else { return Ok(first) };
+    let mut least: Vec<f64> = errors.into_iter().map(|error| CLEARLY * CLEARLY * error).collect();
+    let mut best = first;
+    for sensor in others {
+        // What cannot be compared is not taken.
+        if let Ok(Some(errors)) = self::errors(comparison, &sensor, &least) {
+            (least, best) = (errors, sensor);
         }
-        Ok(best)
     }
+    comparison.balanced(best)
+}
 
-    /// Sums of squared errors of a mesh without bodies and with the first of them, one place more each time; none as soon as it seems
-    /// that they will end above those of another mesh.
-    fn errors(&self, sensor: &Sensor, others: &[f64]) -> Result<Option<Vec<f64>>, WorkspaceError> {
-        let Some(left) = expected_ratio(sensor.mesh().tets().len(), self.tets) else { return Ok(None) };
-        let mut probed =
-            Probed::new(sensor.clone(), &self.bodies, Connection::Floating, EXACT, self.threads)?;
-        let squared = |ours: &Change, exact: &Change| {
-            ours.error(exact).map_or(0.0, |error| (error.of_all / (1.0 - left)).powi(2))
-        };
-        let mut sums = vec![OF_EMPTY * squared(&probed.empty(), &self.empty)];
-        let end = others[others.len() - 1];
-        for (at, (body, place, exact)) in self.places.iter().enumerate() {
-            let changes = probed.changes(*body, *place)?;
-            let here = changes.iter().zip(exact).map(|(ours, exact)| squared(ours, exact));
-            let sum = sums[at] + here.sum::<f64>();
-            let is_hopeful = at + 1 < PATIENT || sum < HOPEFUL * others[at + 1];
-            if !(sum < end && is_hopeful) {
-                return Ok(None);
-            }
-            sums.push(sum);
-        }
-        Ok(Some(sums))
-    }
+/// Sums of squared errors of a mesh without bodies and with the first of them, one place more each time, as they will be with links
+/// that weigh what suits it best; none as soon as it seems that they will end above those of another mesh.
+fn errors(
+    comparison: &Comparison,
+    sensor: &Sensor,
+    others: &[f64],
+) -> Result<Option<Vec<f64>>, WorkspaceError> {
+    let Some(ratio) = expected_ratio(sensor.mesh().tets().len(), comparison.tets) else { return Ok(None) };
+    let end = others[others.len() - 1];
+    let mut sums = Vec::with_capacity(others.len());
+    let balance = comparison.balance(sensor, |left| {
+        let sum = left / (1.0 - ratio).powi(2);
+        let is_hopeful = sums.len() < PATIENT || sum < HOPEFUL * others[sums.len()];
+        sums.push(sum);
+        sum < end && is_hopeful
+    })?;
+    Ok(balance.map(|_| sums))
 }
 
 /// The plate and the balls, and where each is put, in an order in which all of them, near and far, are among any that follow each other.
