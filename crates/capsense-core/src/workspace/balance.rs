@@ -30,6 +30,8 @@ pub(super) struct Balance {
     normal: Mat<f64>,
     right: Mat<f64>,
     square: f64,
+    /// Of all changes together.
+    weight: f64,
 }
 
 impl Balance {
@@ -39,13 +41,14 @@ impl Balance {
         let factors = shared.iter().max().map_or(0, |last| last + 1);
         let unusual = (AS_MUCH_AS / UNUSUAL).powi(2);
         let normal = Mat::from_fn(factors, factors, |i, j| if i == j { unusual } else { 0.0 });
-        Self { shared, normal, right: Mat::zeros(factors, 1), square: 0.0 }
+        Self { shared, normal, right: Mat::zeros(factors, 1), square: 0.0, weight: 0.0 }
     }
 
     /// Takes note of a change, and what it should be; the mean square of its entries, as in
     /// [`ChangeError`](super::ChangeError), counts so often. What no electrode feels tells nothing.
     pub(super) fn add(&mut self, felt: &Felt, exact: &Change, weight: f64) {
         let Some(scales) = exact.scales() else { return };
+        self.weight += weight;
         let weight = weight / scales.len() as f64;
         let mut slopes = vec![0.0; self.right.nrows()];
         for (entry, scale) in scales.into_iter().enumerate() {
@@ -72,10 +75,15 @@ impl Balance {
         }
     }
 
-    /// The sum of squares, weighted, that is left with the best factors.
+    /// The sum of squared errors, weighted, that is left with the best factors.
     pub(super) fn left(&self) -> f64 {
         let gained = self.logarithms().transpose() * &self.right;
         (self.square - gained[(0, 0)]).max(0.0)
+    }
+
+    /// Their mean.
+    pub(super) fn mean_square_left(&self) -> f64 {
+        self.left() / self.weight
     }
 
     /// A factor for each electrode's links.

@@ -55,6 +55,9 @@ const RADIUS: f64 = 0.2;
 /// By how many times the tolerance each of them may be off.
 const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
+/// A mesh is given up as soon as the mean error, of floating bodies and of C without bodies, too, is so many times the tolerance at least.
+const GIVEN_UP: f64 = 2.5;
+
 /// The smallest size, as a power of the latter from the first lattice: a quarter of it.
 const LEAST_STEP: f64 = -8.0;
 
@@ -326,15 +329,24 @@ impl Search<'_> {
         }
     }
 
-    /// A mesh, with links that weigh what suits it best, if it is exact enough then; places are looked at until it is not.
+    /// A mesh, a lattice with links that weigh what suits it best, if it is exact enough then; places are looked at until it is not.
     fn exact_enough(
         &mut self,
         sensor: Sensor,
         allowed: usize,
         reference: &Rung,
     ) -> Result<Option<MeshChoice>, WorkspaceError> {
-        let Some(balance) = reference.of.balance(&sensor, |_| true)? else { return Ok(None) };
-        let sensor = sensor.with_rims_weighed(&balance.factors());
+        let sensor = match self.request.kind {
+            MeshKind::Lattice => {
+                let bound = (GIVEN_UP * self.request.tolerance).powi(2);
+                match reference.of.balance(&sensor, |balance| balance.mean_square_left() < bound)? {
+                    Some(balance) => sensor.with_rims_weighed(&balance.factors()),
+                    None => return Ok(None),
+                }
+            }
+            // Their rims have cells as small as can be.
+            MeshKind::Bisection => sensor,
+        };
         let mut probed = reference.of.probed(sensor.clone())?;
         let mut largest = 0.0f64;
         let tets = sensor.mesh().tets().len();

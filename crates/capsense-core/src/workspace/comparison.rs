@@ -54,24 +54,24 @@ impl Comparison {
         Probed::new(sensor, &self.bodies, self.tolerance, self.threads)
     }
 
-    /// What is known of the factors of a mesh's links by C without bodies and the places that they are to know. After C, and after each place, `goes_on` is
-    /// told the sum of squared errors that these will leave; none as soon as it says no.
+    /// What is known of the factors of a mesh's links by C without bodies and the places that they are to know. After C, and after each
+    /// place, `goes_on` is shown what is known so far; none as soon as it says no.
     pub(super) fn balance(
         &self,
         sensor: &Sensor,
-        mut goes_on: impl FnMut(f64) -> bool,
+        mut goes_on: impl FnMut(&Balance) -> bool,
     ) -> Result<Option<Balance>, WorkspaceError> {
         let mut probed = self.probed(sensor.clone())?;
         let mut balance = Balance::new(sensor);
         balance.add(&probed.empty(), &self.empty, OF_EMPTY);
-        if !goes_on(balance.left()) {
+        if !goes_on(&balance) {
             return Ok(None);
         }
         for (&(body, place), exact) in self.places.iter().zip(&self.changes).take(self.known) {
             for (felt, exact) in probed.felt(body, place)?.iter().zip(exact) {
                 balance.add(felt, exact, 1.0);
             }
-            if !goes_on(balance.left()) {
+            if !goes_on(&balance) {
                 return Ok(None);
             }
         }

@@ -61,7 +61,8 @@ const LONGEST: f64 = 0.5;
 
 /// The sensor on the most accurate mesh of at most so many tetrahedra, of some that are tried: by C and its changes that the plate
 /// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four
-/// to eight times as many. The usual mesh, [`Sensor::generated`], where that cannot be told or no other is clearly better, and
+/// to sixteen times as many. Its links at rims weigh what suits it best, each electrode's more or less by one factor. It is the usual mesh where no other is
+/// clearly better, and that mesh with its own links, [`Sensor::generated`], where nothing can be told and
 /// where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all cores where there is no number; the choice
 /// does not depend on them.
 ///
@@ -158,8 +159,8 @@ fn errors(
     let Some(ratio) = expected_ratio(sensor.mesh().tets().len(), comparison.tets) else { return Ok(None) };
     let end = others[others.len() - 1];
     let mut sums = Vec::with_capacity(others.len());
-    let balance = comparison.balance(sensor, |left| {
-        let sum = left / (1.0 - ratio).powi(2);
+    let balance = comparison.balance(sensor, |balance| {
+        let sum = balance.left() / (1.0 - ratio).powi(2);
         let is_hopeful = sums.len() < PATIENT || sum < HOPEFUL * others[sums.len()];
         sums.push(sum);
         sum < end && is_hopeful
