@@ -133,7 +133,7 @@ fn generated(elements: usize, threads: usize) -> Scene {
 
 #[test]
 fn bars_shrink_as_meshes_grow() {
-    let [coarse, fine] = [10_000, 100_000].map(|elements| bars_of(&generated(elements, 0)));
+    let [coarse, fine] = [10_000, 200_000].map(|elements| bars_of(&generated(elements, 0)));
     for (coarse, fine) in [(coarse.capacitance, fine.capacitance), (coarse.change, fine.change)] {
         for (coarse, fine) in coarse.rows().flatten().zip(fine.rows().flatten()) {
             assert!(*fine > 0.0 && 2.0 * fine < *coarse, "{coarse:e} {fine:e}");

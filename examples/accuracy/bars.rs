@@ -12,10 +12,11 @@ use capsense::core::geometry::{Aabb, Pose, Shape};
 use capsense::core::glam::{DVec2, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
 use capsense::core::occupancy::Interface;
-use capsense::core::sensor::{Sensor, SensorDesign, Substrate, Wall};
+use capsense::core::sensor::{MeshKind, Sensor, SensorDesign, Substrate, Wall};
 use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
+use capsense::core::workspace::most_accurate;
 use capsense::error_bars::halved_sensor;
 use clap::Args;
 use std::path::PathBuf;
@@ -143,8 +144,10 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
 
 /// A sensor on its lattice of at most so many tetrahedra, and on that with all spacings halved.
 pub(crate) fn pair(design: &SensorDesign, tets: usize) -> Result<[Sensor; 2]> {
-    let lattice = design.lattice(tets)?;
-    Ok([Sensor::on_lattice(design, &lattice)?, Sensor::on_lattice(design, &halved_lattice(&lattice)?)?])
+    let sensor = most_accurate(design, MeshKind::Lattice, tets, None)?;
+    let lattice = sensor.lattice().context("a lattice is none")?;
+    let halved = Sensor::on_lattice(design, &halved_lattice(lattice)?)?;
+    Ok([sensor, halved])
 }
 
 /// A simulator on the mesh and one on the halved mesh, on which surfaces cut edges.

@@ -207,6 +207,9 @@ impl Sensor {
 
     /// The same sensor with the links at the rims of each electrode weighing so many times as much: one factor for each
     /// electrode, positive.
+    ///
+    /// # Panics
+    /// When there are fewer factors than electrodes that have links.
     #[must_use]
     pub fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
         for link in &mut self.rim {

@@ -16,7 +16,7 @@ const UNUSUAL: f64 = 0.3;
 const AS_MUCH_AS: f64 = 0.004;
 
 /// Factors are at most this, and at least one by this: derivatives tell nothing of what is beyond.
-const LARGEST: f64 = 2.0;
+pub(super) const LARGEST: f64 = 2.0;
 
 /// Weights of links that differ by no more than this part are alike.
 const ALIKE: f64 = 1e-9;

@@ -6,6 +6,7 @@
 //! are looked for by halves, then lattices of other gradings that are smaller still.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
+use super::balance::Balance;
 use super::comparison::Comparison;
 use super::most_accurate::{COMPARED, SMALLER};
 use super::{Change, Probes};
@@ -23,7 +24,7 @@ pub(super) const FINER: f64 = 4.0;
 
 /// How many times as many it should have, as long as that is not above so many: what it is off by itself, links take over. A lattice that
 /// has nearly so many will do.
-const MUCH_FINER: f64 = 32.0;
+const FAR_FINER: f64 = 32.0;
 const COMFORTABLE: f64 = 4e6;
 const NEARLY: f64 = 0.8;
 
@@ -43,6 +44,9 @@ const ORDER: f64 = -2.0 / 3.0;
 const TRIED_FIRST: f64 = 0.125;
 const TRIED_NEXT: f64 = 1.189_207_115_002_721;
 
+/// The smallest size, as a power of the latter from the first lattice: a quarter of it.
+const LEAST_STEP: f64 = -8.0;
+
 /// How often what is between the size found and the one before is halved.
 const HALVINGS: usize = 3;
 
@@ -55,11 +59,9 @@ const RADIUS: f64 = 0.2;
 /// By how many times the tolerance each of them may be off.
 const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
-/// A mesh is given up as soon as the mean error, of floating bodies and of C without bodies, too, is so many times the tolerance at least.
+/// A mesh is given up as soon as the mean error, that of C without bodies among them, is so many times the tolerance at least: then one of
+/// its bodies will be off by more than it may.
 const GIVEN_UP: f64 = 2.5;
-
-/// The smallest size, as a power of the latter from the first lattice: a quarter of it.
-const LEAST_STEP: f64 = -8.0;
 
 /// Why no mesh can be chosen.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -104,7 +106,8 @@ pub enum WorkspaceError {
 /// What a mesh is wanted for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshRequest {
-    /// The largest relative error of ΔC over the workspace, as in [`ChangeError::of_all`](super::ChangeError).
+    /// The largest relative error of ΔC over the workspace, as in [`ChangeError::of_all`](super::ChangeError): of a grounded plate, and 0.4
+    /// of that of a ball.
     pub tolerance: f64,
     /// What the mesh is made of.
     pub kind: MeshKind,
@@ -151,7 +154,7 @@ impl MeshRequest {
         loop {
             let foreseen = search.foreseen(&coarser.of, &reference.of)?;
             let is_finest = reference.allowed == FINEST;
-            let wanted = (MUCH_FINER * foreseen).min(COMFORTABLE).max(FINER * foreseen);
+            let wanted = (FAR_FINER * foreseen).min(COMFORTABLE).max(FINER * foreseen);
             let tets = reference.of.tets as f64;
             if (tets > NEARLY * wanted || is_finest)
                 && let Some(choice) = search.smallest(foreseen.min(tets / FINER), &reference)?
@@ -234,7 +237,12 @@ impl Search<'_> {
         at: usize,
     ) -> Result<f64, WorkspaceError> {
         let ([exact, _], (body, place)) = (&reference.changes[at], reference.places[at]);
-        let error = change.error(exact).ok_or(WorkspaceError::NotFelt(place))?.of_all / TOLERANCES[body];
+        let error = match change.error(exact) {
+            Some(error) => error.of_all / TOLERANCES[body],
+            // What is as small as a ball may be between the edges of the lattice.
+            None if body == BALL => 0.0,
+            None => return Err(WorkspaceError::NotFelt(place)),
+        };
         Ok(expected_ratio(tets, reference.tets).map_or(f64::INFINITY, |left| error / (1.0 - left)))
     }
 
@@ -304,17 +312,21 @@ impl Search<'_> {
         mut found: MeshChoice,
         reference: &Rung,
     ) -> Result<MeshChoice, WorkspaceError> {
-        let mut allowed = found.sensor.mesh().tets().len();
-        if self.request.kind == MeshKind::Bisection || !COMPARED.contains(&allowed) {
+        if self.request.kind == MeshKind::Bisection {
             return Ok(found);
         }
         loop {
-            allowed = (SMALLER * allowed as f64) as usize;
+            let allowed = (SMALLER * found.sensor.mesh().tets().len() as f64) as usize;
+            if !COMPARED.contains(&allowed) {
+                return Ok(found);
+            }
             let lattices = self.design.varied_lattices(allowed)?;
             let sensors = lattices.iter().filter_map(|lattice| Sensor::on_lattice(self.design, lattice).ok());
-            let tried = sensors.map(|sensor| self.exact_enough(sensor, allowed, reference));
-            match tried.filter_map(Result::transpose).next() {
-                Some(smaller) => found = smaller?,
+            // What cannot be compared is not taken.
+            let mut tried =
+                sensors.filter_map(|sensor| self.exact_enough(sensor, allowed, reference).ok().flatten());
+            match tried.next() {
+                Some(smaller) => found = smaller,
                 None => return Ok(found),
             }
         }
@@ -339,10 +351,12 @@ impl Search<'_> {
         let sensor = match self.request.kind {
             MeshKind::Lattice => {
                 let bound = (GIVEN_UP * self.request.tolerance).powi(2);
-                match reference.of.balance(&sensor, |balance| balance.mean_square_left() < bound)? {
-                    Some(balance) => sensor.with_rims_weighed(&balance.factors()),
-                    None => return Ok(None),
-                }
+                let is_below = |balance: &Balance| balance.mean_square_left() < bound;
+                let Some(balance) = reference.of.balance(&sensor, is_below)? else {
+                    self.last = GIVEN_UP * self.request.tolerance;
+                    return Ok(None);
+                };
+                sensor.with_rims_weighed(&balance.factors())
             }
             // Their rims have cells as small as can be.
             MeshKind::Bisection => sensor,

@@ -15,15 +15,15 @@ use std::ops::RangeInclusive;
 
 /// Where there may be fewer or more tetrahedra, the usual mesh is taken: with fewer, cells are as large as the gaps below bodies; with
 /// more, errors hardly go up and down, and comparing takes seconds.
-pub(super) const COMPARED: RangeInclusive<usize> = 10_000..=250_000;
+pub(super) const COMPARED: RangeInclusive<usize> = 12_000..=250_000;
 
 /// How many sizes of the usual mesh are tried, and by which factor they follow each other. With ten, of 60,000 tetrahedra 45,360 are taken for a sensor
 /// of five electrodes, on which plates and balls are off by half as much, but a hand by twice as much.
 const SIZES: i32 = 3;
 pub(super) const SMALLER: f64 = 0.917_004_043_204_671_2;
 
-/// How many times as many tetrahedra the lattice has that others are compared with, up to so many; above that, as many times as where
-/// a tolerance is asked for.
+/// How many times as many tetrahedra the lattice has that others are compared with, up to so many; above that, [`FINER`] times as
+/// many.
 const MUCH_FINER: usize = 16;
 const LARGE: usize = 1_200_000;
 
@@ -63,7 +63,7 @@ const LONGEST: f64 = 0.5;
 /// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four
 /// to sixteen times as many. Its links at rims weigh what suits it best, each electrode's more or less by one factor. It is the usual mesh where no other is
 /// clearly better, and that mesh with its own links, [`Sensor::generated`], where nothing can be told and
-/// where there may be fewer than 10,000 or more than 250,000 tetrahedra. Threads are all cores where there is no number; the choice
+/// where there may be fewer than 12,000 or more than 250,000 tetrahedra. Threads are all cores where there is no number; the choice
 /// does not depend on them.
 ///
 /// # Errors
