@@ -28,7 +28,7 @@ pub struct GeneratedMesh {
 pub enum MeshSize {
     /// It is the most accurate that was found of at most so many tetrahedra.
     Elements(usize),
-    /// It is the smallest whose estimated relative error of ΔC, at all places of a plate, is below the tolerance.
+    /// It is the smallest whose estimated relative error of ΔC, of a plate at all places and between them, is below the tolerance.
     Tolerance {
         /// The tolerance, between 0 and 1.
         tolerance: f64,
