@@ -35,9 +35,9 @@ pub(super) struct Balance {
 }
 
 impl Balance {
-    /// Nothing is known yet.
+    /// Nothing is known yet. Only lattices have factors: of other meshes, cells at rims are as small as can be.
     pub(super) fn new(sensor: &Sensor) -> Self {
-        let shared = alike(sensor);
+        let shared = if sensor.lattice().is_some() { alike(sensor) } else { Vec::new() };
         let factors = shared.iter().max().map_or(0, |last| last + 1);
         let unusual = (AS_MUCH_AS / UNUSUAL).powi(2);
         let normal = Mat::from_fn(factors, factors, |i, j| if i == j { unusual } else { 0.0 });
@@ -69,6 +69,9 @@ impl Balance {
 
     /// The logarithms of the best factors. Where nothing can be told, they are zero.
     fn logarithms(&self) -> Mat<f64> {
+        if self.shared.is_empty() {
+            return Mat::zeros(0, 1);
+        }
         match self.normal.llt(Side::Lower) {
             Ok(factorised) => factorised.solve(&self.right),
             Err(_) => Mat::zeros(self.right.nrows(), 1),
@@ -86,7 +89,7 @@ impl Balance {
         self.left() / self.weight
     }
 
-    /// A factor for each electrode's links.
+    /// A factor for each electrode's links; of meshes that are no lattices, none.
     pub(super) fn factors(&self) -> Vec<f64> {
         let logarithms = self.logarithms();
         let factor = |&factor: &usize| logarithms[(factor, 0)].exp().clamp(1.0 / LARGEST, LARGEST);
