@@ -211,7 +211,7 @@ impl Sensor {
     /// # Panics
     /// When there are fewer factors than electrodes that have links.
     #[must_use]
-    pub fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
+    pub(crate) fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
         for link in &mut self.rim {
             link.weight *= factors[usize::from(link.electrode)];
         }

@@ -1,7 +1,7 @@
 //! The smallest mesh whose estimated error of ΔC is below a tolerance.
 //!
 //! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
-//! other, a fifth more each time, all of them with links at rims that weigh what suits them best: as edges of electrodes must be in
+//! other, a fifth more each time, lattices of most sizes with links at rims that weigh what suits them best: as edges of electrodes must be in
 //! lattice planes, some sizes are much better than others. Between the first that is exact enough and the one before, smaller ones
 //! are looked for by halves, then lattices of other gradings that are smaller still.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
