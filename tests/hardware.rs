@@ -4,6 +4,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use capsense::{Pipeline, Scene};

@@ -3,6 +3,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use capsense_hw::profile::built_in;

@@ -1,6 +1,8 @@
 //! What cylinders over three stripes change of C on eight million tetrahedra, and how far the test `cylinder`'s references are from it.
 
-#[path = "../tests/cylinder.rs"]
+#[path = "../tests/suite/common/mod.rs"]
+mod common;
+#[path = "../tests/suite/cylinder.rs"]
 mod cylinder;
 
 /// Tetrahedra at most.

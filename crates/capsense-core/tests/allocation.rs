@@ -3,8 +3,9 @@
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
-#[path = "common/allocations.rs"]
+#[path = "suite/common/allocations.rs"]
 mod allocations;
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use allocations::ALLOCATIONS;

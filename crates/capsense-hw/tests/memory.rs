@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test")]
 
-#[path = "../../capsense-core/tests/common/allocations.rs"]
+#[path = "../../capsense-core/tests/suite/common/allocations.rs"]
 mod allocations;
 #[path = "support/boards.rs"]
 mod boards;
