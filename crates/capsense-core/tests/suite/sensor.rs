@@ -200,6 +200,8 @@ fn walls_are_grounded_and_electrodes_own_their_corners() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn graded_axes_contain_their_planes_and_grow_slowly(
         planes in prop::collection::vec(0.05..0.95, 1..5), finest in 0.002..0.2, growth in 1.05..1.6,

@@ -78,7 +78,7 @@ fn on_a_board() -> SensorDesign {
 
 #[test]
 fn the_tolerance_is_kept_at_poses_that_are_no_probes() {
-    for (design, tolerance) in [(three_stripes(), 0.03), (three_stripes(), 0.015), (on_a_board(), 0.05)] {
+    for (design, tolerance) in [(three_stripes(), 0.03), (on_a_board(), 0.05)] {
         let request = MeshRequest::new(&design, tolerance, MeshKind::Lattice);
         let error = error_beside(&design, &request);
         assert!(error < SAFETY * tolerance, "{error} for {tolerance}");
@@ -92,15 +92,14 @@ fn bisected_meshes_keep_it_too() {
     assert!(error < SAFETY_OF_BISECTION * 0.05, "{error}");
 }
 
-/// Less is no waste: what is chosen for 3 % must not do for 1.5 %.
+/// Less is no waste: what is chosen for 6 % must not do for 3 %.
 #[test]
 fn a_smaller_tolerance_takes_more_tetrahedra() {
     let design = three_stripes();
-    let allowed = [0.06, 0.03, 0.015].map(|tolerance| {
+    let allowed = [0.06, 0.03].map(|tolerance| {
         MeshRequest::new(&design, tolerance, MeshKind::Lattice).choose(&design).unwrap().allowed
     });
-    assert!(allowed.windows(2).all(|pair| pair[0] < pair[1]), "{allowed:?}");
-    assert!(allowed[1] < 60_000, "{allowed:?}");
+    assert!(allowed[0] < allowed[1] && allowed[1] < 60_000, "{allowed:?}");
 }
 
 /// For 1 % of three stripes, a lattice of another grading than the usual one has the fewest tetrahedra.
@@ -117,15 +116,13 @@ fn other_gradings_are_tried() {
 #[test]
 fn the_choice_is_the_same_for_every_number_of_threads() {
     let design = three_stripes();
-    let of_threads = [1, 2, 3].map(|threads| {
+    let [one, three] = [1, 3].map(|threads| {
         let request =
-            MeshRequest { threads: Some(threads), ..MeshRequest::new(&design, 0.03, MeshKind::Lattice) };
+            MeshRequest { threads: Some(threads), ..MeshRequest::new(&design, 0.06, MeshKind::Lattice) };
         request.choose(&design).unwrap()
     });
-    for other in &of_threads[1..] {
-        assert_eq!(other.error.to_bits(), of_threads[0].error.to_bits());
-        assert_eq!(other, &of_threads[0]);
-    }
+    assert_eq!(one.error.to_bits(), three.error.to_bits());
+    assert_eq!(one, three);
 }
 
 /// Links at rims that weigh what suits the mesh, and other sizes and gradings, leave less of the errors of the usual mesh, at poses where
@@ -139,17 +136,17 @@ fn of_at_most_so_many_tetrahedra_the_best_mesh_is_taken() {
         let errors = changes(sensor, &bars()).into_iter().zip(&exact).map(|(ours, exact)| ours.error(exact));
         errors.map(|error| error.unwrap().of_all.powi(2)).sum::<f64>().sqrt()
     };
-    for (elements, most) in [(15_000, 0.5), (30_000, 0.9), (40_000, 0.6), (60_000, 0.6)] {
-        let [best, other] =
-            [1, 3].map(|threads| most_accurate(&design, MeshKind::Lattice, elements, Some(threads)).unwrap());
-        assert_eq!(best, other);
+    let best = |elements, threads| most_accurate(&design, MeshKind::Lattice, elements, threads).unwrap();
+    for (elements, most) in [(15_000, 0.5), (40_000, 0.6)] {
+        let best = best(elements, None);
         assert!(best.mesh().tets().len() <= elements);
         let ratio = error(best) / error(generated(elements));
         println!("{elements}: {ratio:.2}");
         assert!(ratio <= most, "{elements}: {ratio}");
     }
+    assert_eq!(best(15_000, Some(1)), best(15_000, Some(3)));
     // Of so few nothing is compared; if it were, 6,720 would be taken.
-    assert_eq!(most_accurate(&design, MeshKind::Lattice, 8_000, None).unwrap(), generated(8_000));
+    assert_eq!(best(8_000, None), generated(8_000));
 }
 
 /// A workspace that is only far away asks for another mesh than one that is near, too.
