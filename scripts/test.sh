@@ -47,6 +47,7 @@ export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-1}"
 RAYON_NUM_THREADS=1 cargo test --workspace --locked
 
 section "Benches, one pass each"
-cargo bench --workspace --locked -- --test
+# As tests are compiled: building all that they use once more would take longer than they do.
+cargo bench --workspace --locked --profile dev -- --test
 
 section "All passed"

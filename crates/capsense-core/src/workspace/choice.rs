@@ -59,7 +59,8 @@ const RADIUS: f64 = 0.2;
 /// By how many times the tolerance each of them may be off.
 const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
-/// What is weighed for some places and chosen for them is less exact elsewhere, by about a sixth.
+/// What is weighed for some places and chosen for them is less exact elsewhere, by about a sixth; but for lattices of more tetrahedra than are
+/// [`COMPARED`], of which there are no other gradings.
 const MARGIN: f64 = 0.85;
 
 /// A mesh is given up as soon as the mean error, that of C without bodies among them, is so many times the tolerance at least: then one of
@@ -353,15 +354,16 @@ impl Search<'_> {
     ) -> Result<Option<MeshChoice>, WorkspaceError> {
         let tolerance = self.request.tolerance;
         let tets = sensor.mesh().tets().len();
-        let is_weighed = self.request.kind == MeshKind::Lattice && COMPARED.contains(&tets);
+        let is_weighed = self.request.kind == MeshKind::Lattice && tets >= *COMPARED.start();
         let (sensor, most) = if is_weighed {
+            let margin = if tets > *COMPARED.end() { 1.0 } else { MARGIN };
             let bound = (GIVEN_UP * tolerance).powi(2);
             let is_below = |balance: &Balance| balance.mean_square_left() < bound;
             let Some(balance) = reference.of.balance(&sensor, is_below)? else {
                 self.last = GIVEN_UP * tolerance;
                 return Ok(None);
             };
-            (sensor.with_rims_weighed(&balance.factors()), MARGIN * tolerance)
+            (sensor.with_rims_weighed(&balance.factors()), margin * tolerance)
         } else {
             (sensor, tolerance)
         };

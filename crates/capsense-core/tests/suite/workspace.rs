@@ -113,6 +113,19 @@ fn other_gradings_are_tried() {
     assert!(choice.error < 0.01, "{}", choice.error);
 }
 
+/// Errors of large lattices stay at 0.3 % of ΔC while links weigh what cells around them ask for.
+#[test]
+fn links_of_large_lattices_suit_them_too() {
+    let design = three_stripes();
+    let places = vec![DVec3::new(0.0, 0.0, 0.04), DVec3::new(0.03, 0.03, 0.08)];
+    let request = MeshRequest::new(&design, 0.003, MeshKind::Lattice);
+    let choice = MeshRequest { probes: Probes::at(&design, places), ..request }.choose(&design).unwrap();
+    let tets = choice.sensor.mesh().tets().len();
+    assert!((250_000..800_000).contains(&tets), "{tets}");
+    assert!(choice.error < 0.003, "{}", choice.error);
+    assert_ne!(choice.sensor, Sensor::generated(&design, MeshKind::Lattice, tets).unwrap());
+}
+
 #[test]
 fn the_choice_is_the_same_for_every_number_of_threads() {
     let design = three_stripes();
