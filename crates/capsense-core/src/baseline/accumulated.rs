@@ -2,7 +2,7 @@
 //!
 //! Each addition of Δε_e K_e leaves a rounding error of the size of the largest value that the entry ever had. When the
 //! body is gone the entry is small again, the error is not: at a relative permittivity of 1e5 it costs five digits at
-//! once, and errors add up from frame to frame. Measured at 20,000 elements with the bodies of `tests/drift.rs`: in
+//! once, and errors add up from frame to frame. Measured at 20,000 elements with the bodies of `tests/suite/drift.rs`: in
 //! `f32` diagonal entries are 4 % off after 1.7e3 element updates and 15 % after 1.1e5, where K has become indefinite;
 //! in `f64` they are 7e-11 and 3e-10 off, and 2e-9 after 7.1e5. More figures in `docs/performance.md`.
 

@@ -4,7 +4,7 @@
 //! in [0, 1]: its volume element is 3V t² dt dA/A. So the part of the volume within an object is the mean over the face
 //! of ∫ 3t² dt over what of the chord from v to p lies in the object: exit³ - enter³. The mean is taken over the
 //! centroids of sixteen congruent parts of the face. For half-spaces it differs from the exact part by 0.01 in the root
-//! mean square and never by more than 0.14 of the volume, also in slivers (`tests/interface.rs`); worst are planes that
+//! mean square and never by more than 0.14 of the volume, also in slivers (`tests/suite/interface.rs`); worst are planes that
 //! chords nearly lie in.
 //!
 //! As the ends of chords move with the object, so does their mean: it is continuous in the pose, but for flat surfaces

@@ -28,7 +28,7 @@ use glam::{DMat3, DVec3};
 
 /// How much further than it does a conductor is taken to reach across an edge, in parts of the longer one of the edge and
 /// of the way to the next node across. With it the energy of the field r^(2/3) sin(2θ/3) around a right angle is right in
-/// the mean over all places of the angle's vertex in a cell, which `tests/fringe.rs` holds triangle meshes to: in a prototype cells one,
+/// the mean over all places of the angle's vertex in a cell, which `tests/suite/fringe.rs` holds triangle meshes to: in a prototype cells one,
 /// two and three times as long as wide asked for 0.10, 0.08 and 0.07. A sheet much thinner than a cell asked for 0.1 to 0.3.
 const FRINGE: f64 = 0.09;
 

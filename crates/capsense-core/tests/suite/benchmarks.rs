@@ -1,6 +1,6 @@
 //! Published benchmarks and closed forms in free space and in two dimensions; the others are in `closed_forms`, `bodies`,
 //! `open_wall` and `layered_box`. Figures are printed for the table of `docs/validation.md`:
-//! `cargo test -p capsense-core --test benchmarks -- --nocapture`.
+//! `cargo test -p capsense-core --test suite benchmarks:: -- --nocapture`.
 
 use crate::common::walled::{Body, Held, Rule, WalledBox, cubes};
 use crate::common::{GROUNDED, rectangle, to};

@@ -1,6 +1,6 @@
 //! Conducting spheres against image charges: in a grounded cube, over a plane, and two of them, floating and grounded.
 //! Errors are printed for the table of `docs/validation.md`:
-//! `cargo test -p capsense-core --test bodies -- --nocapture`.
+//! `cargo test -p capsense-core --test suite bodies:: -- --nocapture`.
 
 use crate::common::walled::{Body, Held, Rule, WalledBox, cubes};
 use crate::common::{conductor, cubic, to};

@@ -11,7 +11,7 @@ use capsense_core::simulator::Simulator;
 /// A grounded box three times as large as the electrode in it, which is about 1 m wide.
 const BOX: Aabb = Aabb { min: DVec3::splat(-1.5), max: DVec3::splat(1.5) };
 
-/// The square of 1 m, in farads, as in `tests/rim.rs`; one turned by 20 degrees has 0.03 % more.
+/// The square of 1 m, in farads, as in `tests/suite/rim.rs`; one turned by 20 degrees has 0.03 % more.
 const SQUARE: f64 = 51.929e-12;
 
 /// Coordinates from -1.5 to 1.5, `across` to a metre, one of which is `phase` cells before -0.5.

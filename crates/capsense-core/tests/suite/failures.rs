@@ -151,7 +151,7 @@ fn permittivities_that_rounding_hides_are_told() {
     }
 }
 
-/// Those that need a mesh out of the ordinary; tests/sensor.rs has the others.
+/// Those that need a mesh out of the ordinary; tests/suite/sensor.rs has the others.
 #[test]
 fn what_no_sensor_can_be_made_of_is_told() {
     let design = three_stripes();

@@ -1,5 +1,5 @@
 //! Elements that weak dielectrics cut, on meshes that are no lattice: what is left of a frame does not depend on those before it, nothing
-//! jumps, and bodies with corners and thin ones are better than by edges alone. Spheres are in `tests/sphere.rs`.
+//! jumps, and bodies with corners and thin ones are better than by edges alone. Spheres are in `tests/suite/sphere.rs`.
 
 use crate::common::updater::Updater;
 use crate::common::walled::{Body, Held, Rule, WalledBox};

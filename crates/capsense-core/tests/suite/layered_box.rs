@@ -1,7 +1,7 @@
 //! Two patches on the lower wall of a grounded cube of side 1 m, under a layer across the whole cube: against a Fourier
 //! series. The patches' potentials fall from 1 V to 0 V along linear flanks, as a jump between a patch and the wall
 //! would make capacitances infinite. Errors are printed for the table of `docs/validation.md`:
-//! `cargo test -p capsense-core --test layered_box -- --nocapture`.
+//! `cargo test -p capsense-core --test suite layered_box:: -- --nocapture`.
 
 use crate::common::walled::{Body, Held, Rule, WalledBox};
 use crate::common::{conductor, dielectric, to};

@@ -1,6 +1,6 @@
 //! A layer in a uniform field along it, at several angles to the lattice: the potential is that of the empty box, and what
 //! the layer adds is (ε - 1) times its volume. So this is what interface models make of the tangential field alone.
-//! `docs/interface.md` has what this prints: `cargo test -p capsense-core --test layers -- --nocapture`.
+//! `docs/interface.md` has what this prints: `cargo test -p capsense-core --test suite layers:: -- --nocapture`.
 
 use crate::common::dielectric;
 use crate::common::walled::{Body, Held, Rule, WalledBox};

@@ -108,7 +108,7 @@ fn specks_between_edges_are_told_whatever_they_are() {
     }
 }
 
-/// What couples two conductors across a gap without nodes is known (`tests/gaps.rs`).
+/// What couples two conductors across a gap without nodes is known (`tests/suite/gaps.rs`).
 #[test]
 fn conductors_close_to_each_other_are_not_told_of() {
     let size = DVec3::new(0.1, 0.1, 2e-3);

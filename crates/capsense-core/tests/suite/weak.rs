@@ -1,7 +1,7 @@
 //! Weak dielectrics in uniform fields along the axes, on lattices whose cells are large for them or stretched: the rule that
 //! is in use (`core::occupancy::parallel`) beside that of edges alone, which any other mesh has for strong ones, so that the same
 //! tetrahedra are taken as one. What a body adds to the energy is compared with that on a lattice of 48 cells a side, whose
-//! own error is about a percent. `docs/interface.md` has what this prints: `cargo test --release -p capsense-core --test weak
+//! own error is about a percent. `docs/interface.md` has what this prints: `cargo test --release -p capsense-core --test suite weak::
 //! -- --nocapture`.
 
 use crate::common::dielectric;

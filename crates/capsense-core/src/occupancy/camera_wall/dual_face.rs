@@ -7,7 +7,7 @@ use crate::occupancy::SMALLEST_PART;
 use crate::occupancy::near_field::Places;
 
 /// How much further than it does a body is taken to reach along the rays, in parts of the longer one of the edge and of the
-/// height of its dual face; no more than half of that. `tests/fringe.rs` tells what it is to the field around a right angle. In the mean
+/// height of its dual face; no more than half of that. `tests/suite/fringe.rs` tells what it is to the field around a right angle. In the mean
 /// over all places in a cell more would be right, but with more, responses to narrow bodies have more and larger kinks.
 const FRINGE: f64 = 0.2;
 

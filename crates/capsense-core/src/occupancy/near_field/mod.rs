@@ -9,7 +9,7 @@
 //! Then u is a solution on the lattice, wherever the edge lies between nodes, and a wall that passes a line of nodes changes
 //! the network but not this field. In front of a flat face, u being the distance, the link is what the edge rule makes
 //! of it. A link may be slightly negative, where u bends more than the lattice can. Around one edge u > 0 and (K u)(P) = 0 at
-//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/wedge.rs` looks at. A stick much
+//! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/suite/wedge.rs` looks at. A stick much
 //! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
 //! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]).
