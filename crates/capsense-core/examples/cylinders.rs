@@ -1,5 +1,7 @@
 //! What cylinders over three stripes change of C on eight million tetrahedra, and how far the test `cylinder`'s references are from it.
 
+#![allow(clippy::unwrap_used, dead_code)]
+
 #[path = "../tests/suite/common/mod.rs"]
 mod common;
 #[path = "../tests/suite/cylinder.rs"]
