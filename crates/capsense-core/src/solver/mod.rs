@@ -64,12 +64,15 @@ impl Default for SolverOptions {
     }
 }
 
+/// A larger number of threads in the environment is no number of threads.
+const MOST_THREADS: usize = 1024;
+
 /// How many threads share the work where nobody says how many: what the environment variable `RAYON_NUM_THREADS` tells, as
 /// programs that run beside others set it, else as many as the machine can run at once.
 #[must_use]
 pub fn available_threads() -> usize {
     let told = std::env::var("RAYON_NUM_THREADS").ok().and_then(|told| told.parse().ok());
-    told.filter(|&threads| threads > 0)
+    told.filter(|threads| (1..=MOST_THREADS).contains(threads))
         .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
 }
 
