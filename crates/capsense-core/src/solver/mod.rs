@@ -71,9 +71,12 @@ const MOST_THREADS: usize = 1024;
 /// programs that run beside others set it, else as many as the machine can run at once.
 #[must_use]
 pub fn available_threads() -> usize {
-    let told = std::env::var("RAYON_NUM_THREADS").ok().and_then(|told| told.parse().ok());
-    told.filter(|threads| (1..=MOST_THREADS).contains(threads))
-        .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+    let told = std::env::var("RAYON_NUM_THREADS").ok().and_then(|told| number_of_threads(&told));
+    told.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from))
+}
+
+fn number_of_threads(text: &str) -> Option<usize> {
+    text.trim().parse().ok().filter(|threads| (1..=MOST_THREADS).contains(threads))
 }
 
 impl SolverOptions {
@@ -166,4 +169,18 @@ pub enum SolveError {
         /// What it said.
         reason: String,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_of_threads_is_none() {
+        assert_eq!(number_of_threads("3"), Some(3));
+        assert_eq!(number_of_threads(" 1024\n"), Some(1024));
+        for text in ["", "0", "-1", "1.5", "1025", "all"] {
+            assert_eq!(number_of_threads(text), None, "{text}");
+        }
+    }
 }

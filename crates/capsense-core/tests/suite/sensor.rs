@@ -200,8 +200,6 @@ fn walls_are_grounded_and_electrodes_own_their_corners() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn graded_axes_contain_their_planes_and_grow_slowly(
         planes in prop::collection::vec(0.05..0.95, 1..5), finest in 0.002..0.2, growth in 1.05..1.6,
@@ -218,6 +216,11 @@ proptest! {
             prop_assert!(pair[1] - pair[0] <= (finest + (growth - 1.0) * distance) * 1.02, "{:?}", axis);
         }
     }
+}
+
+// Each lattice takes a tenth of a second.
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
 
     /// Electrodes in a row, neither narrower nor closer to each other than cells may be: each has a node of its own, cells are
     /// alike on both sides of all edges, and layers nowhere in the workspace are as high as a third of it.
