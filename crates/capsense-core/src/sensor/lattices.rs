@@ -39,7 +39,10 @@ const DISPLACED: f64 = 1.0;
 const VARIED_HEIGHTS: [f64; 5] = [1.0, 1.2, 1.45, 0.9, 0.8];
 const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 
-/// Lattices of less than this part of the tetrahedra are none of those.
+/// How high lower layers are.
+const LOWER_HEIGHTS: [f64; 2] = [0.9, 0.8];
+
+/// Lattices of less than this part of the tetrahedra are none of those that vary.
 const WORTH_COMPARING: f64 = 0.6;
 
 /// Intervals in which outlines are curved or oblique are one where fewer cells than this fit between them: planes at the ends
@@ -108,6 +111,27 @@ impl SensorDesign {
                         lattices.push(lattice);
                     }
                 }
+            }
+        }
+        Ok(lattices)
+    }
+
+    /// The finest lattices of at most so many tetrahedra whose layers are 0.9 and 0.8 times as high, in relation to cells at electrodes'
+    /// edges, as those of [`SensorDesign::lattice`] usually are; of so few that there is none, fewer. Where there are many, bodies that
+    /// are away from the electrodes may need them.
+    ///
+    /// # Errors
+    /// When the design is invalid.
+    pub fn lattices_of_lower_layers(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
+        self.validate()?;
+        let pattern = self.pattern();
+        let mut lattices = Vec::new();
+        for height in LOWER_HEIGHTS {
+            let variation = Variation { height, ..Variation::USUAL };
+            let grading = |finest| Grading::for_workspace(finest, variation, max_tets, pattern);
+            let (_, lattice) = self.finest_lattice(max_tets, grading)?;
+            if lattice.tet_count() <= max_tets {
+                lattices.push(lattice);
             }
         }
         Ok(lattices)

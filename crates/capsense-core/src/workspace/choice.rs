@@ -11,6 +11,7 @@ use super::comparison::Comparison;
 use super::most_accurate::{COMPARED, SMALLER};
 use super::{Change, Probes};
 use crate::geometry::Shape;
+use crate::mesh::Lattice;
 use crate::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use crate::simulator::SimulatorError;
 use crate::solids::SolidError;
@@ -281,7 +282,7 @@ impl Search<'_> {
             if allowed as f64 > most {
                 break;
             }
-            if let Some(choice) = self.usual(allowed, reference)? {
+            if let Some(choice) = self.of_size(allowed, reference)? {
                 let before = allowed as f64 / TRIED_NEXT;
                 let smallest = self.smallest_from(before as usize, choice, reference)?;
                 return self.smallest_varied(smallest, reference).map(Some);
@@ -301,7 +302,7 @@ impl Search<'_> {
             let middle = usize::midpoint(too_small, found.allowed);
             // The same mesh may be what a smaller number allows.
             let most = found.sensor.mesh().tets().len();
-            match self.usual(middle.min(most - 1), reference)? {
+            match self.of_size(middle.min(most - 1), reference)? {
                 Some(smaller) => found = smaller,
                 None => too_small = middle.min(most - 1),
             }
@@ -325,24 +326,37 @@ impl Search<'_> {
                 return Ok(found);
             }
             let lattices = self.design.varied_lattices(allowed)?;
-            let sensors = lattices.iter().filter_map(|lattice| Sensor::on_lattice(self.design, lattice).ok());
-            // What cannot be compared is not taken.
-            let mut tried =
-                sensors.filter_map(|sensor| self.exact_enough(sensor, allowed, reference).ok().flatten());
-            match tried.next() {
+            match self.first_exact_enough(&lattices, allowed, reference) {
                 Some(smaller) => found = smaller,
                 None => return Ok(found),
             }
         }
     }
 
-    /// The usual mesh of at most so many tetrahedra, if it is exact enough.
-    fn usual(&mut self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
-        match Sensor::generated(self.design, self.request.kind, allowed) {
+    /// A mesh of at most so many tetrahedra that is exact enough, if there is one: the usual one, or where there may be more than are
+    /// [`COMPARED`], a lattice with lower layers.
+    fn of_size(&mut self, allowed: usize, reference: &Rung) -> Result<Option<MeshChoice>, WorkspaceError> {
+        let kind = self.request.kind;
+        let usual = match Sensor::generated(self.design, kind, allowed) {
             // Too few for the electrodes.
-            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => Ok(None),
-            sensor => self.exact_enough(sensor?, allowed, reference),
+            Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => return Ok(None),
+            sensor => self.exact_enough(sensor?, allowed, reference)?,
+        };
+        if usual.is_some() || kind == MeshKind::Bisection || allowed <= *COMPARED.end() {
+            return Ok(usual);
         }
+        Ok(self.first_exact_enough(&self.design.lattices_of_lower_layers(allowed)?, allowed, reference))
+    }
+
+    /// The first of some lattices that is exact enough; what cannot be compared is not taken.
+    fn first_exact_enough(
+        &mut self,
+        lattices: &[Lattice],
+        allowed: usize,
+        reference: &Rung,
+    ) -> Option<MeshChoice> {
+        let mut sensors = lattices.iter().filter_map(|lattice| Sensor::on_lattice(self.design, lattice).ok());
+        sensors.find_map(|sensor| self.exact_enough(sensor, allowed, reference).ok().flatten())
     }
 
     /// A mesh, lattices of some sizes with links that weigh what suits them best, if it is exact enough then; places are looked at until it is not.

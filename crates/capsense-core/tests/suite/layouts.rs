@@ -112,6 +112,21 @@ fn lattices_to_choose_from_differ_and_keep_what_must_be_planes() {
     }
 }
 
+/// Lower layers are more, and leave fewer tetrahedra for each; there are none where there is no room for them.
+#[test]
+fn lower_layers_are_more() {
+    let design = squares_across();
+    let planes = |lattice: &Lattice| [0, 2].map(|axis| lattice.axes()[axis].len());
+    let usual = design.varied_lattices(300_000).unwrap().swap_remove(0);
+    let lower = design.lattices_of_lower_layers(300_000).unwrap();
+    assert_eq!(lower.len(), 2);
+    let all: Vec<_> = [&usual].into_iter().chain(&lower).map(planes).collect();
+    assert!(all.windows(2).all(|pair| pair[1][0] <= pair[0][0] && pair[1][1] > pair[0][1]), "{all:?}");
+    assert!(all[2][0] < all[0][0], "{all:?}");
+    assert!(lower.iter().all(|lattice| (250_000..=300_000).contains(&lattice.tet_count())));
+    assert!(design.lattices_of_lower_layers(500).unwrap().is_empty());
+}
+
 /// The two edges of a narrow stripe, 6 mm from each other, are never one plane; those of squares 5 mm from each other are in some.
 #[test]
 fn edges_of_different_electrodes_share_planes() {
