@@ -1,6 +1,6 @@
 //! Error bars beside capacitances: some frames are computed once more, on a mesh with all spacings halved.
 //!
-//! The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and
+//! Where links at rims weigh what suits the mesh, so are they on the mesh with links as they are. The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and
 //! a pipeline without it is as fast as if there were none. On it surfaces cut edges, whatever the scene's interface model. Bars tell of the mesh and of the unfinished iteration, not of what
 //! a camera's pixels leave out, nor of materials and places that are not as the scene says.
 
@@ -27,13 +27,17 @@ const TOLERANCE: f64 = 0.1;
 /// Parts that a tetrahedron has in the halved mesh.
 const PARTS: usize = 8;
 
-/// Largest number of tetrahedra of a halved mesh: it needs about a gigabyte.
+/// Largest number of tetrahedra of a halved mesh: it needs about four gigabytes, and a lattice of twice as many, which halves the
+/// largest that a tolerance chooses, two.
 const MOST_TETS: usize = 8_000_000;
+const MOST_TETS_OF_LATTICES: usize = 16_000_000;
 
 /// Tells error bars of the frames of a scene.
 #[derive(Debug)]
 pub struct ErrorEstimator {
     halved: Simulator,
+    /// On the mesh itself with links as they are, where they are not.
+    plain: Option<Simulator>,
     every: usize,
     /// The first frame that they are told in.
     first: usize,
@@ -41,27 +45,33 @@ pub struct ErrorEstimator {
 
 impl ErrorEstimator {
     /// Halves the mesh of a pipeline and solves the scene without objects on it. `None` where the halved mesh would have
-    /// more than eight million tetrahedra.
+    /// more than eight million tetrahedra, or as a lattice more than sixteen.
     ///
     /// # Errors
     /// When the halved mesh is no mesh of the sensor, or the solver fails on it.
     pub fn new(scene: &Scene, pipeline: &Pipeline) -> Result<Option<Self>, PipelineError> {
         let sensor = pipeline.simulator().sensor();
-        if sensor.mesh().tets().len() > MOST_TETS / PARTS {
+        let most = if sensor.lattice().is_some() { MOST_TETS_OF_LATTICES } else { MOST_TETS };
+        if sensor.mesh().tets().len() > most / PARTS {
             return Ok(None);
         }
         let halved = halved_sensor(scene, sensor).map_err(PipelineError::Halved)?;
-        let nodes = [sensor, &halved].map(|sensor| sensor.mesh().nodes().len() as f64);
-        let materials = scene.objects.iter().map(|object| object.material).collect();
+        let plain = plain_sensor(scene, sensor).map_err(PipelineError::Halved)?;
+        let nodes = |sensor: &Sensor| sensor.mesh().nodes().len() as f64;
+        let more = nodes(&halved) + plain.as_ref().map_or(0.0, nodes);
+        let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
         let options = SolverOptions {
             tolerance: TOLERANCE * scene.solver.tolerance,
             change_tolerance: scene.solver.change_tolerance.map(|tolerance| TOLERANCE * tolerance),
             preconditioner: Preconditioner::Multigrid,
             ..scene.solver
         };
-        let every = (COST_OF_NODE * nodes[1] / nodes[0] / SHARE).ceil() as usize;
+        let every = (COST_OF_NODE * more / nodes(sensor) / SHARE).ceil() as usize;
+        let simulator =
+            |sensor, interface| Simulator::with_interface(sensor, materials.clone(), options, interface);
         Ok(Some(Self {
-            halved: Simulator::with_interface(halved, materials, options, Interface::EdgeCut)?,
+            halved: simulator(halved, Interface::EdgeCut)?,
+            plain: plain.map(|plain| simulator(plain, scene.interface)).transpose()?,
             every,
             first: every.min(scene.frames) / 2,
         }))
@@ -88,10 +98,24 @@ impl ErrorEstimator {
     /// # Errors
     /// When the solver fails on the halved mesh, or objects cannot be drawn for it.
     pub fn estimate(&mut self, pipeline: &mut Pipeline, frame: &Frame) -> Result<ErrorBars, PipelineError> {
-        pipeline.show_to(&mut self.halved)?;
-        let _ = self.halved.solve()?;
-        Ok(pipeline.simulator().error_bars(&self.halved, &frame.solve))
+        for simulator in [&mut self.halved].into_iter().chain(&mut self.plain) {
+            pipeline.show_to(simulator)?;
+            let _ = simulator.solve()?;
+        }
+        Ok(pipeline.simulator().error_bars(self.plain.as_ref(), &self.halved, &frame.solve))
     }
+}
+
+/// The sensor of a scene, given on the scene's mesh, with links at rims as they are, if they weigh what suits the mesh instead.
+///
+/// # Errors
+/// When the sensor cannot be made anew, as for one of another scene.
+pub fn plain_sensor(scene: &Scene, sensor: &Sensor) -> Result<Option<Sensor>, SensorError> {
+    let (SceneSensor::Generated { design, .. }, Some(lattice)) = (&scene.sensor, sensor.lattice()) else {
+        return Ok(None);
+    };
+    let plain = Sensor::on_lattice(design, lattice)?;
+    Ok((plain.rim() != sensor.rim()).then_some(plain))
 }
 
 /// The sensor of a scene, given on the scene's mesh, on that with all spacings halved.

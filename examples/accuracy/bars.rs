@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use capsense::Scene;
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::core::electrode::{Electrode, Outline};
-use capsense::core::estimate::halved_lattice;
+use capsense::core::estimate::{ErrorBars, halved_lattice};
 use capsense::core::geometry::{Aabb, Pose, Shape};
 use capsense::core::glam::{DVec2, DVec3};
 use capsense::core::material::{Connection, Material, RelativePermittivity};
@@ -17,7 +17,7 @@ use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
 use capsense::core::workspace::most_accurate;
-use capsense::error_bars::halved_sensor;
+use capsense::error_bars::{halved_sensor, plain_sensor};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -106,35 +106,39 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
         println!("| {name} | {tets} | {} | {} |", of_c.cells(), of_change.cells());
     };
     let references = References::load()?;
-    let with_stripes = |name: &str, interface: Interface, [sensor, halved]: [Sensor; 2]| -> Result<()> {
+    let with_stripes = |name: &str, interface: Interface, sensors: Halved| -> Result<()> {
         for (connection, material) in CONNECTIONS {
-            let compared =
-                of_stripes([&sensor, &halved], interface, (connection, material), &bodies, &references)?;
-            row(&format!("{name}, {connection} bodies"), &sensor, &compared);
+            let compared = of_stripes(&sensors, interface, (connection, material), &bodies, &references)?;
+            row(&format!("{name}, {connection} bodies"), &sensors.own, &compared);
         }
         Ok(())
     };
     for &size in sizes {
-        with_stripes("stripes", Interface::EdgeCut, pair(&stripes(), size)?)?;
+        with_stripes("stripes", Interface::EdgeCut, Halved::of(&stripes(), size)?)?;
     }
     for interface in [Interface::VolumeFraction, Interface::Centroid] {
         for &size in sizes {
-            with_stripes(&format!("stripes, `{}`", interface.name()), interface, pair(&stripes(), size)?)?;
+            with_stripes(
+                &format!("stripes, `{}`", interface.name()),
+                interface,
+                Halved::of(&stripes(), size)?,
+            )?;
         }
     }
     if let Some(path) = &arguments.scene {
         let scene = Scene::load(path)?;
-        let sensor = scene.build_sensor()?;
-        let halved = halved_sensor(&scene, &sensor)?;
+        let own = scene.build_sensor()?;
+        let sensors =
+            Halved { plain: plain_sensor(&scene, &own)?, halved: halved_sensor(&scene, &own)?, own };
         let name = path.file_name().context("the scene is no file")?.to_string_lossy();
-        with_stripes(&name, scene.interface, [sensor, halved])?;
+        with_stripes(&name, scene.interface, sensors)?;
     }
     let mut all = [Comparison::default(), Comparison::default()];
     for plate in plates()? {
         for &size in sizes {
-            let sensors = pair(&plate.design, size)?;
-            let compared = plate.compare([&sensors[0], &sensors[1]])?;
-            row(plate.name, &sensors[0], &compared);
+            let sensors = Halved::of(&plate.design, size)?;
+            let compared = plate.compare(&sensors)?;
+            row(plate.name, &sensors.own, &compared);
             all.iter_mut().zip(compared).for_each(|(all, of_plate)| all.extend(of_plate));
         }
     }
@@ -142,43 +146,70 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
     Ok(())
 }
 
-/// A sensor on its lattice of at most so many tetrahedra, and on that with all spacings halved.
-pub(crate) fn pair(design: &SensorDesign, tets: usize) -> Result<[Sensor; 2]> {
-    let sensor = most_accurate(design, MeshKind::Lattice, tets, None)?;
-    let lattice = sensor.lattice().context("a lattice is none")?;
-    let halved = Sensor::on_lattice(design, &halved_lattice(lattice)?)?;
-    Ok([sensor, halved])
+/// A sensor on its mesh, on the same with links at rims as they are, if it has others, and on that with all spacings halved.
+pub(crate) struct Halved {
+    pub(crate) own: Sensor,
+    pub(crate) plain: Option<Sensor>,
+    pub(crate) halved: Sensor,
 }
 
-/// A simulator on the mesh and one on the halved mesh, on which surfaces cut edges.
-fn simulators(
-    [own, halved]: [&Sensor; 2],
-    interface: Interface,
-    connection: Connection,
-) -> Result<[Simulator; 2]> {
-    let options = SolverOptions { tolerance: TOLERANCE, ..SolverOptions::default() };
-    let material = vec![Material::Conductor(connection)];
-    let own = Simulator::with_interface(own.clone(), material.clone(), options, interface)?;
-    Ok([own, Simulator::new(halved.clone(), material, options)?])
+impl Halved {
+    /// On the lattice of at most so many tetrahedra that scenes have.
+    pub(crate) fn of(design: &SensorDesign, tets: usize) -> Result<Self> {
+        let own = most_accurate(design, MeshKind::Lattice, tets, None)?;
+        let lattice = own.lattice().context("a lattice is none")?;
+        let [plain, halved] = [lattice, &halved_lattice(lattice)?].map(|of| Sensor::on_lattice(design, of));
+        Ok(Self { plain: Some(plain?), halved: halved?, own })
+    }
+
+    /// A simulator on each; on the halved mesh surfaces cut edges.
+    fn simulators(&self, interface: Interface, connection: Connection) -> Result<Simulators> {
+        let options = SolverOptions { tolerance: TOLERANCE, ..SolverOptions::default() };
+        let material = vec![Material::Conductor(connection)];
+        let simulator = |sensor: &Sensor, interface| {
+            Simulator::with_interface(sensor.clone(), material.clone(), options, interface)
+        };
+        Ok(Simulators {
+            own: simulator(&self.own, interface)?,
+            plain: self.plain.as_ref().map(|plain| simulator(plain, interface)).transpose()?,
+            halved: simulator(&self.halved, Interface::EdgeCut)?,
+        })
+    }
+}
+
+struct Simulators {
+    own: Simulator,
+    plain: Option<Simulator>,
+    halved: Simulator,
+}
+
+impl Simulators {
+    /// The bars of a frame with a body.
+    fn step(&mut self, body: &Solids) -> Result<ErrorBars> {
+        let report = self.own.step(body)?;
+        for other in [&mut self.halved].into_iter().chain(&mut self.plain) {
+            let _ = other.step(body)?;
+        }
+        Ok(self.own.error_bars(self.plain.as_ref(), &self.halved, &report.solve))
+    }
 }
 
 /// Of C, and of its changes, with each of some bodies.
 pub(crate) fn of_stripes(
-    sensors: [&Sensor; 2],
+    sensors: &Halved,
     interface: Interface,
     (name, connection): (&str, Connection),
     bodies: &[Body],
     references: &References,
 ) -> Result<[Comparison; 2]> {
-    let [mut own, mut halved] = simulators(sensors, interface, connection)?;
+    let mut simulators = sensors.simulators(interface, connection)?;
     let empty = references.empty()?;
     let mut compared = [Comparison::default(), Comparison::default()];
     for body in bodies {
         let mut solids = Solids::new(std::slice::from_ref(&body.shape))?;
         solids.place(&[body.pose])?;
-        let report = own.step(&solids)?;
-        let _ = halved.step(&solids)?;
-        let bars = own.error_bars(&halved, &report.solve);
+        let bars = simulators.step(&solids)?;
+        let own = &simulators.own;
         let change = references.change(body.name, name)?;
         let with_body: Entries = std::array::from_fn(|entry| empty[entry] + change[entry]);
         let found = own.capacitance().minus(own.base());
@@ -254,17 +285,16 @@ impl PlateInBox {
     }
 
     /// Of C, and of its changes, with bodies at all heights.
-    pub(crate) fn compare(&self, sensors: [&Sensor; 2]) -> Result<[Comparison; 2]> {
-        let [mut own, mut halved] = simulators(sensors, Interface::EdgeCut, Connection::Grounded)?;
+    pub(crate) fn compare(&self, sensors: &Halved) -> Result<[Comparison; 2]> {
+        let mut simulators = sensors.simulators(Interface::EdgeCut, Connection::Grounded)?;
         let body = Shape::Box { size: DVec3::new(4.0 * WALL, 4.0 * WALL, 2.0 * WALL) };
         let mut solids = Solids::new(&[body])?;
         let empty = self.reference(WALL);
         let mut compared = [Comparison::default(), Comparison::default()];
         for height in CEILINGS {
             solids.place(&[Pose::at(DVec3::new(0.0, 0.0, height + WALL))])?;
-            let report = own.step(&solids)?;
-            let _ = halved.step(&solids)?;
-            let bars = own.error_bars(&halved, &report.solve);
+            let bars = simulators.step(&solids)?;
+            let own = &simulators.own;
             let (found, reference) = (own.capacitance().get(0, 0), self.reference(height));
             let (change, changed) = (found - own.base().get(0, 0), reference - empty);
             let [of_c, of_change] = &mut compared;

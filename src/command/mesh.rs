@@ -1,12 +1,20 @@
 //! `capsense mesh`: the mesh of a scene's sensor, written to a file or looked into.
 
+use super::contacts::print_warnings;
 use super::mesh_info::{InfoArguments, info};
 use super::output::{print_out, write_whole};
 use super::{BadInput, load_scene};
+use capsense::core::electrode::Electrode;
+use capsense::core::mesh::TetMesh;
 use capsense::core::sensor::{GROUND, Sensor, Terminal};
-use capsense::gmsh::{SurfaceGroup, VolumeGroup, faces_among, write};
+use capsense::gmsh::{SurfaceGroup, VolumeGroup, boundary_faces, faces_among, write};
+use capsense::{Scene, scene::SceneSensor};
 use clap::{Args, Subcommand};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
+
+/// Electrodes whose areas differ by more than this part are warned of.
+const ROUNDED: f64 = 0.01;
 
 /// Write the mesh of a scene's sensor to a Gmsh file, or inspect a mesh file
 ///
@@ -38,29 +46,71 @@ pub(super) fn mesh(arguments: &MeshArguments) -> anyhow::Result<()> {
     match arguments {
         MeshArguments { command: Some(MeshCommand::Info(arguments)), .. } => info(arguments),
         MeshArguments { scene: Some(scene), out: Some(out), .. } => {
-            let sensor = load_scene(Some(scene))?.build_sensor()?;
-            write_whole(out, gmsh_text(&sensor)?.as_bytes())?;
+            let scene = load_scene(Some(scene))?;
+            let sensor = scene.build_sensor()?;
+            let groups = groups(&sensor);
+            write_whole(out, gmsh_text(sensor.mesh(), &groups)?.as_bytes())?;
             let mesh = sensor.mesh();
             let (tets, nodes) = (mesh.tets().len(), mesh.nodes().len());
-            print_out(&format!("{}: {tets} tetrahedra, {nodes} nodes\n", out.display()))
+            print_out(&format!("{}: {tets} tetrahedra, {nodes} nodes\n", out.display()))?;
+            print_warnings(&rounded(&scene, mesh, &groups));
+            Ok(())
         }
         _ => Err(BadInput("give a scene and --out FILE.msh".to_owned()).into()),
     }
 }
 
-fn gmsh_text(sensor: &Sensor) -> anyhow::Result<String> {
+/// A group of the file, and its triangles.
+type Group<'a> = (&'a str, Vec<[u32; 3]>);
+
+/// The ground, then the electrodes.
+fn groups(sensor: &Sensor) -> Vec<Group<'_>> {
     let mesh = sensor.mesh();
     // A file knows of no links: electrodes are what lies within their outlines.
-    let sensor = sensor.clone().with_rims_held();
+    let held = sensor.clone().with_rims_held();
     let faces_of = |wanted: Terminal| {
-        let terminals = sensor.terminals().iter().zip(0u32..);
+        let terminals = held.terminals().iter().zip(0u32..);
         let nodes: Vec<u32> =
             terminals.filter(|(terminal, _)| **terminal == wanted).map(|(_, node)| node).collect();
         faces_among(mesh, &nodes)
     };
     let names = std::iter::once("ground").chain(sensor.electrode_names().iter().map(String::as_str));
-    let faces: Vec<_> = names.zip(GROUND..).map(|(name, terminal)| (name, faces_of(terminal))).collect();
-    let surfaces: Vec<_> = faces.iter().map(|(name, triangles)| SurfaceGroup { name, triangles }).collect();
+    let mut groups: Vec<Group<'_>> =
+        names.zip(GROUND..).map(|(name, terminal)| (name, faces_of(terminal))).collect();
+    // Where walls meet, faces within the domain have all their nodes on its surface.
+    let surface: BTreeSet<[u32; 3]> = boundary_faces(mesh).into_iter().map(ascending).collect();
+    let on_surface: BTreeSet<u32> = surface.iter().flatten().copied().collect();
+    groups[0].1.retain(|face| surface.contains(face) || face.iter().any(|node| !on_surface.contains(node)));
+    groups
+}
+
+fn ascending(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
+}
+
+/// Warns of electrodes that are larger or smaller in the file than in the scene.
+fn rounded(scene: &Scene, mesh: &TetMesh, groups: &[Group<'_>]) -> Vec<String> {
+    let SceneSensor::Generated { design, .. } = &scene.sensor else { return Vec::new() };
+    let area = |[a, b, c]: &[u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|&node| mesh.nodes()[node as usize]);
+        0.5 * (b - a).cross(c - a).length()
+    };
+    let warning = |(electrode, (name, triangles)): (&Electrode, &Group<'_>)| {
+        let (in_file, exact) = (triangles.iter().map(area).sum::<f64>(), electrode.outline.area());
+        ((in_file / exact - 1.0).abs() > ROUNDED).then(|| {
+            format!(
+                "electrode `{name}` has {:.4e} m² in the file, its outline {exact:.4e} m²: there it is the triangles within it. \
+                 A scene with this file keeps the outline under another name than the group's",
+                in_file
+            )
+        })
+    };
+    design.electrodes.iter().zip(&groups[1..]).filter_map(warning).collect()
+}
+
+fn gmsh_text(mesh: &TetMesh, groups: &[Group<'_>]) -> anyhow::Result<String> {
+    let surfaces: Vec<_> = groups.iter().map(|(name, triangles)| SurfaceGroup { name, triangles }).collect();
     let (board, air): (Vec<u32>, Vec<u32>) = (0..mesh.tets().len() as u32)
         .partition(|&element| mesh.relative_permittivity().at(element as usize) != 1.0);
     let volumes: Vec<_> = [("air", &air), ("substrate", &board)]

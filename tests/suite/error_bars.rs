@@ -1,13 +1,13 @@
 //! Error bars are about as large as errors, on lattices, on meshes from files, with rims that are linked and surfaces that cut
 //! edges.
 
-use crate::bars::{Comparison, of_stripes, pair, plates as plates_in_boxes};
+use crate::bars::{Comparison, Halved, of_stripes, plates as plates_in_boxes};
 use crate::cases::{CONNECTIONS, bodies, stripes};
 use crate::references::References;
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::core::estimate::ErrorBars;
 use capsense::core::occupancy::Interface;
-use capsense::error_bars::halved_sensor;
+use capsense::error_bars::{halved_sensor, plain_sensor};
 use capsense::gmsh::{self, SurfaceGroup};
 use capsense::{ErrorEstimator, Pipeline, Scene};
 use std::path::Path;
@@ -23,11 +23,10 @@ fn assert_honest(name: &str, compared: &Comparison) {
 fn bars_of_stripes_are_as_large_as_errors() {
     let references = References::load().unwrap();
     for tets in [10_000, 30_000] {
-        let [sensor, halved] = pair(&stripes(), tets).unwrap();
+        let sensors = Halved::of(&stripes(), tets).unwrap();
         for connection in CONNECTIONS {
             let [of_c, of_change] =
-                of_stripes([&sensor, &halved], Interface::EdgeCut, connection, &bodies(), &references)
-                    .unwrap();
+                of_stripes(&sensors, Interface::EdgeCut, connection, &bodies(), &references).unwrap();
             assert_honest(&format!("C at {tets}, {}", connection.0), &of_c);
             assert_honest(&format!("changes at {tets}, {}", connection.0), &of_change);
         }
@@ -38,11 +37,10 @@ fn bars_of_stripes_are_as_large_as_errors() {
 #[test]
 fn bars_of_models_that_fill_elements_are_as_large_as_errors() {
     let references = References::load().unwrap();
-    let [sensor, halved] = pair(&stripes(), 10_000).unwrap();
+    let sensors = Halved::of(&stripes(), 10_000).unwrap();
     for interface in [Interface::VolumeFraction, Interface::Centroid] {
         for connection in CONNECTIONS {
-            let [_, of_change] =
-                of_stripes([&sensor, &halved], interface, connection, &bodies(), &references).unwrap();
+            let [_, of_change] = of_stripes(&sensors, interface, connection, &bodies(), &references).unwrap();
             let name = format!("changes with {}, {}", interface.name(), connection.0);
             assert_honest(&name, &of_change);
             assert!(of_change.held() > 0.9, "{name}: {:.2} of errors are within", of_change.held());
@@ -54,8 +52,7 @@ fn bars_of_models_that_fill_elements_are_as_large_as_errors() {
 fn bars_of_plates_are_as_large_as_errors() {
     let mut all = [Comparison::default(), Comparison::default()];
     for plate in plates_in_boxes().unwrap() {
-        let [sensor, halved] = pair(&plate.design, 16_000).unwrap();
-        let of_plate = plate.compare([&sensor, &halved]).unwrap();
+        let of_plate = plate.compare(&Halved::of(&plate.design, 16_000).unwrap()).unwrap();
         all.iter_mut().zip(of_plate).for_each(|(all, of_plate)| all.extend(of_plate));
     }
     assert_honest("C", &all[0]);
@@ -169,12 +166,13 @@ fn bars_on_meshes_from_files_are_as_large_as_errors() {
     for (name, groups) in [("outlines", &groups[..1]), ("groups", &groups)] {
         std::fs::write(folder.path().join("mesh.msh"), gmsh::write(mesh, groups, &[]).unwrap()).unwrap();
         let scene = scene("file = \"mesh.msh\"\nunit = \"m\"", 0, folder.path());
-        let sensor = scene.build_sensor().unwrap();
-        let halved = halved_sensor(&scene, &sensor).unwrap();
-        assert_eq!(halved.mesh().tets().len(), 8 * sensor.mesh().tets().len());
+        let own = scene.build_sensor().unwrap();
+        let halved = halved_sensor(&scene, &own).unwrap();
+        assert_eq!(halved.mesh().tets().len(), 8 * own.mesh().tets().len());
+        assert!(plain_sensor(&scene, &own).unwrap().is_none());
+        let sensors = Halved { own, plain: None, halved };
         let [of_c, of_change] =
-            of_stripes([&sensor, &halved], Interface::EdgeCut, CONNECTIONS[0], &bodies(), &references)
-                .unwrap();
+            of_stripes(&sensors, Interface::EdgeCut, CONNECTIONS[0], &bodies(), &references).unwrap();
         assert_honest(&format!("C with {name}"), &of_c);
         assert_honest(&format!("changes with {name}"), &of_change);
     }

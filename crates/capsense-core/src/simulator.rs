@@ -374,16 +374,23 @@ impl Simulator {
     }
 
     /// Error bars of [`Simulator::capacitance`] and of its change from [`Simulator::base`]: from the mesh, as `halved` shows
-    /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration. Whatever this
+    /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration. Where links at
+    /// this sensor's rims weigh what suits its mesh ([`most_accurate`](crate::workspace::most_accurate)), `plain` is to show the
+    /// same on the mesh with links as they are ([`Sensor::on_lattice`]). Whatever this
     /// simulator's interface model, surfaces are to cut edges on the halved mesh ([`Interface::EdgeCut`]): the other models fill
     /// whole elements, and would be wrong by nearly as much there.
     ///
     /// # Panics
-    /// When the other simulator has another number of electrodes.
-    pub fn error_bars(&self, halved: &Simulator, report: &SolveReport) -> ErrorBars {
-        let [own, halved] =
-            [self, halved].map(|of| Capacitances { capacitance: &of.capacitance, base: &of.base });
-        ErrorBars::between(own, halved, report.relative_error)
+    /// When another simulator has another number of electrodes.
+    pub fn error_bars(
+        &self,
+        plain: Option<&Simulator>,
+        halved: &Simulator,
+        report: &SolveReport,
+    ) -> ErrorBars {
+        let [own, plain, halved] = [self, plain.unwrap_or(self), halved]
+            .map(|of| Capacitances { capacitance: &of.capacitance, base: &of.base });
+        ErrorBars::between(own, plain, halved, report.relative_error)
     }
 
     /// The sensor.

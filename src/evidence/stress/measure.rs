@@ -126,7 +126,7 @@ impl Changes {
     fn error_bar(&self, simulator: &Simulator, report: &SolveReport) -> Option<f64> {
         let [on_lattice, off_lattice] = &self.halved;
         let halved = if simulator.sensor().lattice().is_some() { on_lattice } else { off_lattice };
-        let bars = simulator.error_bars(halved.as_ref()?, report);
+        let bars = simulator.error_bars(None, halved.as_ref()?, report);
         let bars: Vec<f64> = bars.change.rows().flatten().copied().collect();
         Some(largest_of(&bars) / largest_of(&self.truth))
     }

@@ -49,6 +49,15 @@ pub(crate) struct NearestSide {
 }
 
 impl Outline {
+    /// Its area in square metres.
+    pub fn area(&self) -> f64 {
+        match self {
+            Self::Rectangle { size, .. } => size.x * size.y,
+            Self::Disk { radius, .. } => std::f64::consts::PI * radius * radius,
+            Self::Polygon(_) | Self::Contours(_) => polygon::area(self.contours()),
+        }
+    }
+
     /// Smallest and largest x and y.
     pub fn bounds(&self) -> [DVec2; 2] {
         match self {

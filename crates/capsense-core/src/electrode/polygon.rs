@@ -37,6 +37,18 @@ pub(super) fn nearest([p, q]: [DVec2; 2], point: DVec2) -> DVec2 {
     if along.is_finite() { p.lerp(q, along.clamp(0.0, 1.0)) } else { p }
 }
 
+/// What contours surround: those that an odd number of others surrounds are holes.
+pub(super) fn area(contours: &[Vec<DVec2>]) -> f64 {
+    let area = |(at, contour): (usize, &Vec<DVec2>)| {
+        let [before, after] = [&contours[..at], &contours[at + 1..]];
+        let is_hole =
+            contour.first().is_some_and(|&corner| surround(before, corner) != surround(after, corner));
+        let area = signed_area(contour).abs();
+        if is_hole { -area } else { area }
+    };
+    contours.iter().enumerate().map(area).sum()
+}
+
 /// Area of a contour, positive when it runs counter-clockwise.
 pub(super) fn signed_area(contour: &[DVec2]) -> f64 {
     // Relative to a corner, so that a contour far from the origin keeps its digits.

@@ -5,6 +5,8 @@
 //! surfaces cut edges. Interface models that fill whole elements are of first order and not even of that from one mesh to the
 //! next: where a staircase stands in relation to the true surface is a matter of luck, and may be the same on both meshes. So on
 //! the halved mesh surfaces cut edges, whatever the model; then all of what such a model makes wrong is in the difference.
+//! Links at rims that weigh what suits their mesh make C on it what it is on a finer one, often as fine as the halved mesh. What
+//! that is off by itself, halving shows of the mesh with its links as they are.
 //! Recovered gradients (Zienkiewicz and Zhu 1987) know of the first alone. They told errors of C four to
 //! twenty times as large as they are, and coarser meshes were off by anything from a third to fourteen times:
 //! `docs/validation.md`.
@@ -15,9 +17,9 @@ pub use halved::{HalvedMesh, halved_lattice};
 
 use crate::capacitance::{CapacitanceMatrix, upper_triangle};
 
-/// Half-width of an error bar, in what halving shows: 1/(1 - 2^-p) is 1.3 to 2. Measured: nine of ten errors then are within
-/// their bars.
-const WIDTH: f64 = 1.6;
+/// What the halved mesh may be off by itself, in what halving shows: 1/(2^p - 1) is 0.3 to 1. Measured: nine of ten errors then are
+/// within their bars.
+const LEFT: f64 = 0.6;
 
 /// Error bars in farads: nine of ten errors are smaller.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,30 +40,37 @@ pub struct Capacitances<'a> {
 }
 
 impl ErrorBars {
-    /// Compares what a mesh says of a frame with what the halved one does. `unfinished` is the error that the iteration may
+    /// Compares what a mesh says of a frame with what the halved one does. `plain` is what the mesh says with links at rims as they
+    /// are: the same as `own` but where these weigh what suits the mesh. `unfinished` is the error that the iteration may
     /// have left on the first, relative to the self-capacitances.
     ///
     /// # Panics
     /// When matrices have different sizes.
-    pub fn between(coarse: Capacitances<'_>, halved: Capacitances<'_>, unfinished: f64) -> Self {
-        let [change, of_halved] = [coarse, halved].map(|c| c.capacitance.minus(c.base));
-        let mut bars = Self {
-            capacitance: half_widths(coarse.capacitance, halved.capacitance),
-            change: half_widths(&change, &of_halved),
-        };
-        for bars in [&mut bars.capacitance, &mut bars.change] {
-            for (row, column) in upper_triangle(bars.size()) {
-                let left = unfinished * scale(coarse.capacitance, row, column);
-                bars.set(row, column, bars.get(row, column) + left);
-            }
-        }
-        bars
+    pub fn between(
+        own: Capacitances<'_>,
+        plain: Capacitances<'_>,
+        halved: Capacitances<'_>,
+        unfinished: f64,
+    ) -> Self {
+        let [capacitance, change] = [
+            [own, plain, halved].map(|of| of.capacitance.clone()),
+            [own, plain, halved].map(|of| of.capacitance.minus(of.base)),
+        ]
+        .map(|[own_values, plain, halved]| {
+            let [shown, of_plain] = [&own_values, &plain].map(|values| shown(values, &halved));
+            CapacitanceMatrix::from_upper(own_values.size(), |row, column| {
+                let left =
+                    LEFT * of_plain.get(row, column) + unfinished * scale(own.capacitance, row, column);
+                shown.get(row, column) + left
+            })
+        });
+        Self { capacitance, change }
     }
 }
 
-/// Each entry's own difference and the mean one of all entries, so that none that agree by chance has no error. Small entries
-/// are less off than large ones, but more in relation to what they are: as the roots of entries.
-fn half_widths(values: &CapacitanceMatrix, halved: &CapacitanceMatrix) -> CapacitanceMatrix {
+/// What halving shows: each entry's own difference and the mean one of all entries, so that none that agree by chance has no error.
+/// Small entries are less off than large ones, but more in relation to what they are: as the roots of entries.
+fn shown(values: &CapacitanceMatrix, halved: &CapacitanceMatrix) -> CapacitanceMatrix {
     let differences = halved.minus(values);
     let size = |row, column| (values.get(row, column).abs() * scale(values, row, column)).sqrt();
     let entries = || upper_triangle(values.size());
@@ -69,12 +78,9 @@ fn half_widths(values: &CapacitanceMatrix, halved: &CapacitanceMatrix) -> Capaci
     let off: f64 = entries().map(|(row, column)| differences.get(row, column).powi(2)).sum();
     // Without objects nothing changes, on any mesh.
     let mean = if all > 0.0 { (off / all).sqrt() } else { 0.0 };
-    let mut bars = CapacitanceMatrix::zeros(values.size());
-    for (row, column) in entries() {
-        let own = differences.get(row, column);
-        bars.set(row, column, WIDTH * own.hypot(mean * size(row, column)));
-    }
-    bars
+    CapacitanceMatrix::from_upper(values.size(), |row, column| {
+        differences.get(row, column).hypot(mean * size(row, column))
+    })
 }
 
 /// √(C_ss C_tt), which no entry exceeds.
@@ -97,25 +103,38 @@ mod tests {
         });
         let nothing = CapacitanceMatrix::zeros(2);
         let seen = |capacitance| Capacitances { capacitance, base: &nothing };
-        let bars = ErrorBars::between(seen(&own), seen(&halved), 0.0).capacitance;
+        let between = |unfinished| ErrorBars::between(seen(&own), seen(&own), seen(&halved), unfinished);
+        let bars = between(0.0).capacitance;
         // Sizes squared are 4 * 4, 9 * 9 and 1 * 6.
         let mean = 0.2 / f64::sqrt(16.0 + 81.0 + 6.0);
         for ((row, column), expected) in [
-            ((0, 0), WIDTH * f64::hypot(0.2, 4.0 * mean)),
-            ((1, 1), WIDTH * 9.0 * mean),
-            ((0, 1), WIDTH * 6f64.sqrt() * mean),
+            ((0, 0), (1.0 + LEFT) * f64::hypot(0.2, 4.0 * mean)),
+            ((1, 1), (1.0 + LEFT) * 9.0 * mean),
+            ((0, 1), (1.0 + LEFT) * 6f64.sqrt() * mean),
         ] {
             assert!((bars.get(row, column) / expected - 1.0).abs() < 1e-12, "{row} {column}: {bars:?}");
         }
-        let unfinished = ErrorBars::between(seen(&own), seen(&halved), 1e-2).capacitance.minus(&bars);
+        let unfinished = between(1e-2).capacitance.minus(&bars);
         assert!((unfinished.get(0, 1) / 0.06 - 1.0).abs() < 1e-12, "{unfinished:?}");
+    }
+
+    /// Links may make a mesh say what the halved one does, which is off by itself.
+    #[test]
+    fn what_suited_links_hide_plain_ones_show() {
+        let [plain, halved] = [3.0, 4.0].map(|value| matrix(1, |_, _| value));
+        let nothing = CapacitanceMatrix::zeros(1);
+        let seen = |capacitance| Capacitances { capacitance, base: &nothing };
+        let bars = ErrorBars::between(seen(&halved), seen(&plain), seen(&halved), 0.0);
+        let expected = LEFT * 2f64.sqrt();
+        assert!((bars.capacitance.get(0, 0) - expected).abs() < 1e-12, "{bars:?}");
+        assert!((bars.change.get(0, 0) - expected).abs() < 1e-12, "{bars:?}");
     }
 
     #[test]
     fn what_does_not_change_has_no_error() {
         let base = matrix(2, |row, column| if row == column { 2.0 } else { -1.0 });
         let seen = Capacitances { capacitance: &base, base: &base };
-        let bars = ErrorBars::between(seen, seen, 0.0);
+        let bars = ErrorBars::between(seen, seen, seen, 0.0);
         assert!(
             bars.change.rows().chain(bars.capacitance.rows()).flatten().all(|bar| *bar == 0.0),
             "{bars:?}"

@@ -26,7 +26,7 @@ use crate::sensor::SensorDesign;
 use glam::{DVec2, DVec3};
 
 /// Sides of the plate in parts of the larger side of all electrodes together, and in parts of the domain at most.
-const PLATE: f64 = 1.5;
+const PLATE_SIDE: f64 = 1.5;
 const LARGEST_PLATE: f64 = 0.5;
 
 /// Thickness of the plate in parts of its sides.
@@ -93,7 +93,7 @@ impl Probes {
     fn plate_of(design: &SensorDesign) -> DVec3 {
         let (low, high) = electrode_bounds(design);
         let room = design.domain.size().truncate().min_element().min(design.domain.max.z - top(design));
-        let side = (PLATE * (high - low).max_element()).min(LARGEST_PLATE * room);
+        let side = (PLATE_SIDE * (high - low).max_element()).min(LARGEST_PLATE * room);
         DVec3::new(side, side, THICKNESS * side)
     }
 }

@@ -294,3 +294,20 @@ fn outlines_meet_where_they_have_a_point_in_common() {
         assert!(ring.meets(&over) && over.meets(&ring), "{over:?}");
     }
 }
+
+#[test]
+fn areas_are_those_of_what_is_inside() {
+    let square = |half: f64| {
+        [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|c| half * DVec2::from(c)).to_vec()
+    };
+    let backwards = |half: f64| square(half).into_iter().rev().collect();
+    let size = DVec2::new(0.2, 0.3);
+    let close = |outline: Outline, area: f64| {
+        assert!((outline.area() - area).abs() < 1e-12, "{} for {area}", outline.area());
+    };
+    close(Outline::Rectangle { center: DVec2::ONE, size }, 0.06);
+    close(Outline::Disk { center: DVec2::ONE, radius: 0.1 }, 0.01 * std::f64::consts::PI);
+    close(Outline::Polygon(backwards(0.5)), 1.0);
+    // An island in a hole, whatever the order and the orientations.
+    close(Outline::Contours(vec![square(0.1), backwards(0.5), square(0.3)]), 1.0 - 0.36 + 0.04);
+}

@@ -25,8 +25,11 @@ const RINGS: u8 = 3;
 /// κ is looked for between these. Sheets of which the elements say otherwise are hardly wider than an element.
 const PLAUSIBLE: [f64; 2] = [0.05, 0.7];
 
-/// How often elements near the rim are divided to integrate 1/r.
+/// How often faces near the rim are divided to integrate 1/r.
 const DIVISIONS: usize = 6;
+
+/// Corners of a face that are no farther than this part of it from a plane through the line are in it.
+const IN_PLANE: f64 = 1e-12;
 
 /// The links of all sheets of a mesh. An electrode that fills elements has no thin rim.
 pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink> {
@@ -188,34 +191,35 @@ fn kappa(half_lengths: &[((Terminal, u32), f64)], balances: &BTreeMap<u32, Balan
     Some(low)
 }
 
-/// ∫ 1/(4r) over a tetrahedron, which is divided where it is near the rim.
+/// ∫ 1/(4r) over a tetrahedron. As 1/r is the divergence of the unit vector away from the line, it is the flux of that through the
+/// faces, which stays finite at the line.
 pub(super) fn exact_energy(frame: &Frame, corners: [DVec3; 4], divisions: usize) -> f64 {
-    let centroid = corners.into_iter().sum::<DVec3>() / 4.0;
-    let reach = corners.into_iter().map(|corner| corner.distance(centroid)).fold(0.0, f64::max);
-    if divisions > 0 && frame.distance(centroid) < 4.0 * reach {
-        return divided(corners).into_iter().map(|part| exact_energy(frame, part, divisions - 1)).sum();
-    }
-    // Four points, exact for quadratic functions.
-    let points = corners.map(|corner| centroid + (corner - centroid) / 5f64.sqrt());
-    let sum: f64 = points.into_iter().map(|point| 0.25 / frame.distance(point).max(f64::MIN_POSITIVE)).sum();
-    0.25 * signed_volume(corners).abs() * sum
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let flux: f64 = faces.map(|face| flux(frame, face.map(|k| corners[k]), divisions)).iter().sum();
+    0.25 * flux.abs()
 }
 
-/// Eight tetrahedra of an eighth of the volume each.
-fn divided([a, b, c, d]: [DVec3; 4]) -> [[DVec3; 4]; 8] {
-    let middle = |p: DVec3, q: DVec3| 0.5 * (p + q);
-    let (ab, ac, ad) = (middle(a, b), middle(a, c), middle(a, d));
-    let (bc, bd, cd) = (middle(b, c), middle(b, d), middle(c, d));
-    [
-        [a, ab, ac, ad],
-        [ab, b, bc, bd],
-        [ac, bc, c, cd],
-        [ad, bd, cd, d],
-        [ab, ac, ad, bd],
-        [ab, ac, bc, bd],
-        [ac, ad, bd, cd],
-        [ac, bc, bd, cd],
-    ]
+/// The flux of the unit vector away from the line through a triangle, which is divided where it is near the line.
+fn flux(frame: &Frame, corners: [DVec3; 3], divisions: usize) -> f64 {
+    let [a, b, c] = corners;
+    let area = 0.5 * (b - a).cross(c - a);
+    let centroid = (a + b + c) / 3.0;
+    let reach = corners.into_iter().map(|corner| corner.distance(centroid)).fold(0.0, f64::max);
+    let through = |point: DVec3| frame.across(point).dot(area);
+    // A plane through the line lets nothing through.
+    if corners.into_iter().all(|corner| through(corner).abs() <= IN_PLANE * reach * area.length()) {
+        return 0.0;
+    }
+    if divisions > 0 && frame.distance(centroid) < 4.0 * reach {
+        let [ab, bc, ca] = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)];
+        let parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
+        return parts.into_iter().map(|part| flux(frame, part, divisions - 1)).sum();
+    }
+    // Three points, exact for quadratic functions.
+    let points = corners.map(|corner| 0.5 * (centroid + corner));
+    let sum: f64 =
+        points.into_iter().map(|point| through(point) / frame.distance(point).max(f64::MIN_POSITIVE)).sum();
+    sum / 3.0
 }
 
 /// Mean relative permittivity of the elements at some nodes.
@@ -231,4 +235,35 @@ fn permittivity_around(mesh: &TetMesh, nodes: impl Iterator<Item = u32>) -> BTre
         }
     }
     sums.into_iter().map(|(node, (weighted, volume))| (node, weighted / volume)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A prism of which one edge is on the line, cut into three tetrahedra: ∫ 1/r dV is its height times ∫ ρ(θ) dθ, where ρ is the
+    /// distance of its far face.
+    #[test]
+    fn energies_near_the_line_are_exact() {
+        let (height, far) = (0.7, 0.4);
+        let angle = 1.1f64;
+        let frame = Frame::across_line(DVec3::ZERO, DVec3::X);
+        let point = |along: f64, x: f64, z: f64| DVec3::new(x, along, z);
+        let base = [[0.0, 0.0], [far, 0.0], [far, far * angle.tan()]];
+        let at = |k: usize, along: f64| point(along, base[k][0], base[k][1]);
+        let (low, high) = ([0, 1, 2].map(|k| at(k, 0.0)), [0, 1, 2].map(|k| at(k, height)));
+        let parts = [
+            [low[0], low[1], low[2], high[2]],
+            [low[0], low[1], high[1], high[2]],
+            [low[0], high[0], high[1], high[2]],
+        ];
+        let sum: f64 = parts.into_iter().map(|part| exact_energy(&frame, part, DIVISIONS)).sum();
+        let exact = 0.25 * height * far * (angle.tan() + angle.cos().recip()).ln();
+        assert!((sum / exact - 1.0).abs() < 1e-3, "{sum} {exact}");
+        // Far away 1/r hardly changes within an element.
+        let away = parts[0].map(|corner| corner + 100.0 * DVec3::X);
+        let volume = signed_volume(away).abs();
+        let of_middle = 0.25 * volume / frame.distance(away.into_iter().sum::<DVec3>() / 4.0);
+        assert!((exact_energy(&frame, away, DIVISIONS) / of_middle - 1.0).abs() < 1e-4);
+    }
 }

@@ -84,7 +84,8 @@ impl Frame {
         Self { origin, along: DVec3::Z.cross(out), out }
     }
 
-    fn across(&self, point: DVec3) -> DVec3 {
+    /// From the line to a point, across it.
+    pub(super) fn across(&self, point: DVec3) -> DVec3 {
         let from = point - self.origin;
         from - self.along * from.dot(self.along)
     }
