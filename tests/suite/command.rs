@@ -394,7 +394,7 @@ fn assert_written_mesh_is_the_same(kind: &str) {
     let scene = scene.replace("generate = { elements = 8000 }", &generate);
     std::fs::write(folder.path().join("scene.toml"), &scene).unwrap();
     let outcome = capsense(folder.path(), &["mesh", "scene.toml", "--out", "sensor.msh"]);
-    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert_eq!((outcome.code, outcome.stderr.as_str()), (Some(0), ""));
     let from_file = "file = \"sensor.msh\"\ngroups = { substrate = \"substrate\" }";
     let copy = scene.replace(&generate, from_file);
     std::fs::write(folder.path().join("copy.toml"), copy).unwrap();
@@ -416,6 +416,29 @@ fn assert_written_mesh_is_the_same(kind: &str) {
         warned.contains("electrode `E1` is a group of the mesh; its shape in the scene is ignored"),
         "{warned}"
     );
+}
+
+/// The triangles within a disk are less than the disk; and the ground has no faces within the domain.
+#[test]
+fn electrodes_that_are_rounded_to_a_written_mesh_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    let outcome = capsense(folder.path(), &["mesh", "scene.toml", "--out", "sensor.msh"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let warnings: Vec<&str> = outcome.stderr.lines().collect();
+    assert_eq!(warnings.len(), 1, "{}", outcome.stderr);
+    assert!(warnings[0].starts_with("warning: electrode `E2` has "), "{}", warnings[0]);
+    assert!(warnings[0].contains("its outline 2.8274e-3 m²"), "{}", warnings[0]);
+    let file = capsense::gmsh::parse(&std::fs::read(folder.path().join("sensor.msh")).unwrap()).unwrap();
+    let mesh = file.to_tet_mesh(capsense_core::units::LengthUnit::Metre).unwrap();
+    let ground = file.triangles_of("ground").unwrap();
+    let ground: Vec<[u32; 3]> = ground.iter().map(|&at| file.triangles[at as usize].nodes).collect();
+    let [ground, boundary] = [ground, capsense::gmsh::boundary_faces(&mesh)].map(|mut faces| {
+        faces.iter_mut().for_each(|face| face.sort_unstable());
+        faces.sort_unstable();
+        faces
+    });
+    assert!(ground == boundary, "{} and {} faces", ground.len(), boundary.len());
 }
 
 /// Waits for at most a minute.
