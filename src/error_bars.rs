@@ -1,8 +1,10 @@
 //! Error bars beside capacitances: some frames are computed once more, on a mesh with all spacings halved.
 //!
-//! Where links at rims weigh what suits the mesh, so are they on the mesh with links as they are. The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and
-//! a pipeline without it is as fast as if there were none. On it surfaces cut edges, whatever the scene's interface model. Bars tell of the mesh and of the unfinished iteration, not of what
-//! a camera's pixels leave out, nor of materials and places that are not as the scene says.
+//! The halved mesh has eight times as many elements, so it is asked for one frame in many ([`ErrorEstimator::every`]), and a pipeline
+//! without it is as fast as if there were none. On it surfaces cut edges, whatever the scene's interface model. Where links at
+//! rims weigh what suits the mesh, these frames are computed on the mesh with links that do not, too ([`unweighed_sensor`]). Bars tell of
+//! the mesh and of the unfinished iteration, not of what a camera's pixels leave out, nor of materials and places that are not as the
+//! scene says.
 
 use crate::pipeline::{Frame, Pipeline, PipelineError};
 use crate::scene::{Scene, SceneSensor};
@@ -10,7 +12,7 @@ use capsense_core::estimate::{ErrorBars, HalvedMesh, halved_lattice};
 use capsense_core::glam::DVec3;
 use capsense_core::mesh::TetMesh;
 use capsense_core::occupancy::Interface;
-use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorError, Terminal, Wall};
+use capsense_core::sensor::{ElectrodeNodes, GROUND, Sensor, SensorDesign, SensorError, Terminal, Wall};
 use capsense_core::simulator::Simulator;
 use capsense_core::solver::{Preconditioner, SolverOptions};
 
@@ -27,8 +29,8 @@ const TOLERANCE: f64 = 0.1;
 /// Parts that a tetrahedron has in the halved mesh.
 const PARTS: usize = 8;
 
-/// Largest number of tetrahedra of a halved mesh: it needs about four gigabytes, and a lattice of twice as many, which halves the
-/// largest that a tolerance chooses, two.
+/// Largest numbers of tetrahedra of halved meshes: with three electrodes these need about four gigabytes, and lattices two. The
+/// largest lattice that a tolerance chooses has an eighth of that.
 const MOST_TETS: usize = 8_000_000;
 const MOST_TETS_OF_LATTICES: usize = 16_000_000;
 
@@ -36,8 +38,8 @@ const MOST_TETS_OF_LATTICES: usize = 16_000_000;
 #[derive(Debug)]
 pub struct ErrorEstimator {
     halved: Simulator,
-    /// On the mesh itself with links as they are, where they are not.
-    plain: Option<Simulator>,
+    /// On the mesh itself, where links at its rims are weighed, with links that are not.
+    unweighed: Option<Simulator>,
     every: usize,
     /// The first frame that they are told in.
     first: usize,
@@ -48,17 +50,16 @@ impl ErrorEstimator {
     /// more than eight million tetrahedra, or as a lattice more than sixteen.
     ///
     /// # Errors
-    /// When the halved mesh is no mesh of the sensor, or the solver fails on it.
+    /// When the halved mesh is no mesh of the sensor, or the solver fails on it or on the mesh with other links.
     pub fn new(scene: &Scene, pipeline: &Pipeline) -> Result<Option<Self>, PipelineError> {
         let sensor = pipeline.simulator().sensor();
-        let most = if sensor.lattice().is_some() { MOST_TETS_OF_LATTICES } else { MOST_TETS };
-        if sensor.mesh().tets().len() > most / PARTS {
+        if !may_be_halved(sensor.lattice().is_some(), sensor.mesh().tets().len()) {
             return Ok(None);
         }
         let halved = halved_sensor(scene, sensor).map_err(PipelineError::Halved)?;
-        let plain = plain_sensor(scene, sensor).map_err(PipelineError::Halved)?;
+        let unweighed = unweighed_sensor(scene, sensor).map_err(PipelineError::Halved)?;
         let nodes = |sensor: &Sensor| sensor.mesh().nodes().len() as f64;
-        let more = nodes(&halved) + plain.as_ref().map_or(0.0, nodes);
+        let more = nodes(&halved) + unweighed.as_ref().map_or(0.0, nodes);
         let materials: Vec<_> = scene.objects.iter().map(|object| object.material).collect();
         let options = SolverOptions {
             tolerance: TOLERANCE * scene.solver.tolerance,
@@ -71,7 +72,7 @@ impl ErrorEstimator {
             |sensor, interface| Simulator::with_interface(sensor, materials.clone(), options, interface);
         Ok(Some(Self {
             halved: simulator(halved, Interface::EdgeCut)?,
-            plain: plain.map(|plain| simulator(plain, scene.interface)).transpose()?,
+            unweighed: unweighed.map(|unweighed| simulator(unweighed, scene.interface)).transpose()?,
             every,
             first: every.min(scene.frames) / 2,
         }))
@@ -96,26 +97,41 @@ impl ErrorEstimator {
     /// Error bars of the frame that a pipeline computed last.
     ///
     /// # Errors
-    /// When the solver fails on the halved mesh, or objects cannot be drawn for it.
+    /// When the solver fails on the halved mesh or on that with other links, or objects cannot be drawn for it.
     pub fn estimate(&mut self, pipeline: &mut Pipeline, frame: &Frame) -> Result<ErrorBars, PipelineError> {
-        for simulator in [&mut self.halved].into_iter().chain(&mut self.plain) {
+        for simulator in [&mut self.halved].into_iter().chain(&mut self.unweighed) {
             pipeline.show_to(simulator)?;
             let _ = simulator.solve()?;
         }
-        Ok(pipeline.simulator().error_bars(self.plain.as_ref(), &self.halved, &frame.solve))
+        Ok(pipeline.simulator().error_bars(self.unweighed.as_ref(), &self.halved, &frame.solve))
     }
 }
 
-/// The sensor of a scene, given on the scene's mesh, with links at rims as they are, if they weigh what suits the mesh instead.
+/// Whether a mesh of so many tetrahedra is small enough to be halved.
+fn may_be_halved(is_lattice: bool, tets: usize) -> bool {
+    tets.saturating_mul(PARTS) <= if is_lattice { MOST_TETS_OF_LATTICES } else { MOST_TETS }
+}
+
+/// The sensor of a scene, given on the scene's mesh, with links at rims that weigh what cells around them ask for, if these weigh what
+/// suits the mesh instead.
 ///
 /// # Errors
 /// When the sensor cannot be made anew, as for one of another scene.
-pub fn plain_sensor(scene: &Scene, sensor: &Sensor) -> Result<Option<Sensor>, SensorError> {
-    let (SceneSensor::Generated { design, .. }, Some(lattice)) = (&scene.sensor, sensor.lattice()) else {
-        return Ok(None);
-    };
-    let plain = Sensor::on_lattice(design, lattice)?;
-    Ok((plain.rim() != sensor.rim()).then_some(plain))
+pub fn unweighed_sensor(scene: &Scene, sensor: &Sensor) -> Result<Option<Sensor>, SensorError> {
+    match &scene.sensor {
+        SceneSensor::Generated { design, .. } => unweighed(design, sensor),
+        SceneSensor::Meshed { .. } => Ok(None),
+    }
+}
+
+/// The same of a design.
+///
+/// # Errors
+/// As [`unweighed_sensor`].
+pub fn unweighed(design: &SensorDesign, sensor: &Sensor) -> Result<Option<Sensor>, SensorError> {
+    let Some(lattice) = sensor.lattice() else { return Ok(None) };
+    let unweighed = Sensor::on_lattice(design, lattice)?;
+    Ok((unweighed.rim() != sensor.rim()).then_some(unweighed))
 }
 
 /// The sensor of a scene, given on the scene's mesh, on that with all spacings halved.
@@ -159,4 +175,17 @@ fn on_halved_mesh(
     let electrodes = electrodes.iter().map(|(name, nodes)| (name.clone(), nodes_of(nodes))).collect();
     let ground = halved.nodes_on(ground);
     Sensor::on_mesh_within(wall, halved.into_mesh(), &ground, electrodes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_lattice_of_a_tolerance_may_be_halved() {
+        for (is_lattice, most) in [(true, 2_000_000), (false, 1_000_000)] {
+            assert!(may_be_halved(is_lattice, most) && !may_be_halved(is_lattice, most + 1));
+        }
+        assert!(!may_be_halved(true, usize::MAX));
+    }
 }

@@ -17,7 +17,7 @@ use capsense::core::simulator::Simulator;
 use capsense::core::solids::Solids;
 use capsense::core::solver::SolverOptions;
 use capsense::core::workspace::most_accurate;
-use capsense::error_bars::{halved_sensor, plain_sensor};
+use capsense::error_bars::{halved_sensor, unweighed, unweighed_sensor};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -129,7 +129,7 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
         let scene = Scene::load(path)?;
         let own = scene.build_sensor()?;
         let sensors =
-            Halved { plain: plain_sensor(&scene, &own)?, halved: halved_sensor(&scene, &own)?, own };
+            Halved { unweighed: unweighed_sensor(&scene, &own)?, halved: halved_sensor(&scene, &own)?, own };
         let name = path.file_name().context("the scene is no file")?.to_string_lossy();
         with_stripes(&name, scene.interface, sensors)?;
     }
@@ -146,10 +146,10 @@ pub(crate) fn bars(arguments: &BarsArguments) -> Result<()> {
     Ok(())
 }
 
-/// A sensor on its mesh, on the same with links at rims as they are, if it has others, and on that with all spacings halved.
+/// A sensor on its mesh, on the same with links at rims that are not weighed, if they are, and on that with all spacings halved.
 pub(crate) struct Halved {
     pub(crate) own: Sensor,
-    pub(crate) plain: Option<Sensor>,
+    pub(crate) unweighed: Option<Sensor>,
     pub(crate) halved: Sensor,
 }
 
@@ -158,8 +158,8 @@ impl Halved {
     pub(crate) fn of(design: &SensorDesign, tets: usize) -> Result<Self> {
         let own = most_accurate(design, MeshKind::Lattice, tets, None)?;
         let lattice = own.lattice().context("a lattice is none")?;
-        let [plain, halved] = [lattice, &halved_lattice(lattice)?].map(|of| Sensor::on_lattice(design, of));
-        Ok(Self { plain: Some(plain?), halved: halved?, own })
+        let halved = Sensor::on_lattice(design, &halved_lattice(lattice)?)?;
+        Ok(Self { unweighed: unweighed(design, &own)?, halved, own })
     }
 
     /// A simulator on each; on the halved mesh surfaces cut edges.
@@ -171,7 +171,11 @@ impl Halved {
         };
         Ok(Simulators {
             own: simulator(&self.own, interface)?,
-            plain: self.plain.as_ref().map(|plain| simulator(plain, interface)).transpose()?,
+            unweighed: self
+                .unweighed
+                .as_ref()
+                .map(|unweighed| simulator(unweighed, interface))
+                .transpose()?,
             halved: simulator(&self.halved, Interface::EdgeCut)?,
         })
     }
@@ -179,7 +183,7 @@ impl Halved {
 
 struct Simulators {
     own: Simulator,
-    plain: Option<Simulator>,
+    unweighed: Option<Simulator>,
     halved: Simulator,
 }
 
@@ -187,10 +191,10 @@ impl Simulators {
     /// The bars of a frame with a body.
     fn step(&mut self, body: &Solids) -> Result<ErrorBars> {
         let report = self.own.step(body)?;
-        for other in [&mut self.halved].into_iter().chain(&mut self.plain) {
+        for other in [&mut self.halved].into_iter().chain(&mut self.unweighed) {
             let _ = other.step(body)?;
         }
-        Ok(self.own.error_bars(self.plain.as_ref(), &self.halved, &report.solve))
+        Ok(self.own.error_bars(self.unweighed.as_ref(), &self.halved, &report.solve))
     }
 }
 

@@ -6,7 +6,7 @@ use super::output::{print_out, write_whole};
 use super::{BadInput, load_scene};
 use capsense::core::electrode::Electrode;
 use capsense::core::mesh::TetMesh;
-use capsense::core::sensor::{GROUND, Sensor, Terminal};
+use capsense::core::sensor::{ElectrodeNodes, GROUND, Sensor, Terminal};
 use capsense::gmsh::{SurfaceGroup, VolumeGroup, boundary_faces, faces_among, write};
 use capsense::{Scene, scene::SceneSensor};
 use clap::{Args, Subcommand};
@@ -19,7 +19,7 @@ const ROUNDED: f64 = 0.01;
 /// Write the mesh of a scene's sensor to a Gmsh file, or inspect a mesh file
 ///
 /// The file is in metres and of format 4.1. Its surfaces are `ground` and the electrodes, by their nodes: an outline
-/// that cuts mesh edges is rounded to the nodes inside it.
+/// that cuts mesh edges is rounded to the nodes inside it, which a warning tells where it matters.
 #[derive(Debug, Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -77,10 +77,12 @@ fn groups(sensor: &Sensor) -> Vec<Group<'_>> {
     let names = std::iter::once("ground").chain(sensor.electrode_names().iter().map(String::as_str));
     let mut groups: Vec<Group<'_>> =
         names.zip(GROUND..).map(|(name, terminal)| (name, faces_of(terminal))).collect();
-    // Where walls meet, faces within the domain have all their nodes on its surface.
+    // Where walls meet, faces within the domain have all their nodes on walls.
     let surface: BTreeSet<[u32; 3]> = boundary_faces(mesh).into_iter().map(ascending).collect();
-    let on_surface: BTreeSet<u32> = surface.iter().flatten().copied().collect();
-    groups[0].1.retain(|face| surface.contains(face) || face.iter().any(|node| !on_surface.contains(node)));
+    let ground = &mut groups[0].1;
+    let on_walls: BTreeSet<u32> =
+        ground.iter().filter(|face| surface.contains(*face)).flatten().copied().collect();
+    ground.retain(|face| surface.contains(face) || !face.iter().all(|node| on_walls.contains(node)));
     groups
 }
 
@@ -91,22 +93,31 @@ fn ascending(mut face: [u32; 3]) -> [u32; 3] {
 
 /// Warns of electrodes that are larger or smaller in the file than in the scene.
 fn rounded(scene: &Scene, mesh: &TetMesh, groups: &[Group<'_>]) -> Vec<String> {
-    let SceneSensor::Generated { design, .. } = &scene.sensor else { return Vec::new() };
+    let shapes: Vec<&Electrode> = match &scene.sensor {
+        SceneSensor::Generated { design, .. } => design.electrodes.iter().collect(),
+        SceneSensor::Meshed { electrodes, .. } => {
+            let shapes = electrodes.iter().map(|(_, nodes)| match nodes {
+                ElectrodeNodes::Shape(shape) => Some(shape),
+                ElectrodeNodes::Nodes(_) => None,
+            });
+            shapes.flatten().collect()
+        }
+    };
     let area = |[a, b, c]: &[u32; 3]| {
         let [a, b, c] = [a, b, c].map(|&node| mesh.nodes()[node as usize]);
         0.5 * (b - a).cross(c - a).length()
     };
-    let warning = |(electrode, (name, triangles)): (&Electrode, &Group<'_>)| {
+    let warning = |electrode: &Electrode| {
+        let (name, triangles) = groups[1..].iter().find(|(name, _)| *name == electrode.name)?;
         let (in_file, exact) = (triangles.iter().map(area).sum::<f64>(), electrode.outline.area());
         ((in_file / exact - 1.0).abs() > ROUNDED).then(|| {
             format!(
-                "electrode `{name}` has {:.4e} m² in the file, its outline {exact:.4e} m²: there it is the triangles within it. \
-                 A scene with this file keeps the outline under another name than the group's",
-                in_file
+                "electrode `{name}` has {in_file:.4e} m² in the file, its outline {exact:.4e} m²: the file has the triangles within it. \
+                 To keep the outline, a scene with this file names the electrode otherwise and gives its shape"
             )
         })
     };
-    design.electrodes.iter().zip(&groups[1..]).filter_map(warning).collect()
+    shapes.into_iter().filter_map(warning).collect()
 }
 
 fn gmsh_text(mesh: &TetMesh, groups: &[Group<'_>]) -> anyhow::Result<String> {

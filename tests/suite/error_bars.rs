@@ -7,7 +7,7 @@ use crate::references::References;
 use capsense::core::capacitance::CapacitanceMatrix;
 use capsense::core::estimate::ErrorBars;
 use capsense::core::occupancy::Interface;
-use capsense::error_bars::{halved_sensor, plain_sensor};
+use capsense::error_bars::{halved_sensor, unweighed_sensor};
 use capsense::gmsh::{self, SurfaceGroup};
 use capsense::{ErrorEstimator, Pipeline, Scene};
 use std::path::Path;
@@ -135,7 +135,7 @@ fn bars_know_what_links_that_suit_the_mesh_hide() {
     };
     let capacitance = |scene: &Scene| Pipeline::new(scene).unwrap().frame(0).unwrap().capacitance;
     let coarse = of(45_000);
-    assert!(plain_sensor(&coarse, &coarse.build_sensor().unwrap()).unwrap().is_some());
+    assert!(unweighed_sensor(&coarse, &coarse.build_sensor().unwrap()).unwrap().is_some());
     let (errors, bars) =
         (capacitance(&coarse).minus(&capacitance(&of(2_500_000))), bars_of(&coarse).capacitance);
     let ratios: Vec<f64> =
@@ -199,8 +199,8 @@ fn bars_on_meshes_from_files_are_as_large_as_errors() {
         let own = scene.build_sensor().unwrap();
         let halved = halved_sensor(&scene, &own).unwrap();
         assert_eq!(halved.mesh().tets().len(), 8 * own.mesh().tets().len());
-        assert!(plain_sensor(&scene, &own).unwrap().is_none());
-        let sensors = Halved { own, plain: None, halved };
+        assert!(unweighed_sensor(&scene, &own).unwrap().is_none());
+        let sensors = Halved { own, unweighed: None, halved };
         let [of_c, of_change] =
             of_stripes(&sensors, Interface::EdgeCut, CONNECTIONS[0], &bodies(), &references).unwrap();
         assert_honest(&format!("C with {name}"), &of_c);

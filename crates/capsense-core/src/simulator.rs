@@ -375,8 +375,8 @@ impl Simulator {
 
     /// Error bars of [`Simulator::capacitance`] and of its change from [`Simulator::base`]: from the mesh, as `halved` shows
     /// the same scene in the same frame on a mesh with all spacings halved, and from the unfinished iteration. Where links at
-    /// this sensor's rims weigh what suits its mesh ([`most_accurate`](crate::workspace::most_accurate)), `plain` is to show the
-    /// same on the mesh with links as they are ([`Sensor::on_lattice`]). Whatever this
+    /// this sensor's rims weigh what suits its mesh ([`workspace`](crate::workspace)), `unweighed` is to show the
+    /// same on the mesh with links that do not ([`Sensor::on_lattice`]). Whatever this
     /// simulator's interface model, surfaces are to cut edges on the halved mesh ([`Interface::EdgeCut`]): the other models fill
     /// whole elements, and would be wrong by nearly as much there.
     ///
@@ -384,13 +384,13 @@ impl Simulator {
     /// When another simulator has another number of electrodes.
     pub fn error_bars(
         &self,
-        plain: Option<&Simulator>,
+        unweighed: Option<&Simulator>,
         halved: &Simulator,
         report: &SolveReport,
     ) -> ErrorBars {
-        let [own, plain, halved] = [self, plain.unwrap_or(self), halved]
+        let [own, unweighed, halved] = [self, unweighed.unwrap_or(self), halved]
             .map(|of| Capacitances { capacitance: &of.capacitance, base: &of.base });
-        ErrorBars::between(own, plain, halved, report.relative_error)
+        ErrorBars::between(own, unweighed, halved, report.relative_error)
     }
 
     /// The sensor.

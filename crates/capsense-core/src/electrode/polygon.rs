@@ -39,14 +39,19 @@ pub(super) fn nearest([p, q]: [DVec2; 2], point: DVec2) -> DVec2 {
 
 /// What contours surround: those that an odd number of others surrounds are holes.
 pub(super) fn area(contours: &[Vec<DVec2>]) -> f64 {
-    let area = |(at, contour): (usize, &Vec<DVec2>)| {
-        let [before, after] = [&contours[..at], &contours[at + 1..]];
-        let is_hole =
-            contour.first().is_some_and(|&corner| surround(before, corner) != surround(after, corner));
-        let area = signed_area(contour).abs();
-        if is_hole { -area } else { area }
+    let area = |index: usize| {
+        let area = signed_area(&contours[index]).abs();
+        if is_hole(contours, index) { -area } else { area }
     };
-    contours.iter().enumerate().map(area).sum()
+    (0..contours.len()).map(area).sum()
+}
+
+/// Whether an odd number of other contours surrounds one. They do not cross: one corner of it tells.
+fn is_hole(contours: &[Vec<DVec2>], index: usize) -> bool {
+    let Some(&corner) = contours[index].first() else { return false };
+    let others = contours.iter().enumerate().filter(|(other, _)| *other != index);
+    let around = others.filter(|(_, other)| surround(std::slice::from_ref(*other), corner)).count();
+    !around.is_multiple_of(2)
 }
 
 /// Area of a contour, positive when it runs counter-clockwise.
@@ -60,11 +65,10 @@ pub(super) fn signed_area(contour: &[DVec2]) -> f64 {
 pub(super) fn convex_corners(contours: &[Vec<DVec2>], sharpest: f64) -> Vec<DVec2> {
     let mut convex = Vec::new();
     for (index, contour) in contours.iter().enumerate() {
-        let Some(&first) = contour.first() else { continue };
-        // Contours do not cross: one corner of a hole, or of an island in it, tells how many others surround it.
-        let others = contours.iter().enumerate().filter(|(other, _)| *other != index);
-        let around = others.filter(|(_, other)| surround(std::slice::from_ref(*other), first)).count();
-        let inward = if around.is_multiple_of(2) { signed_area(contour) } else { -signed_area(contour) };
+        if contour.is_empty() {
+            continue;
+        }
+        let inward = if is_hole(contours, index) { -signed_area(contour) } else { signed_area(contour) };
         let before = contour.iter().cycle().skip(contour.len() - 1);
         convex.extend(before.zip(sides(contour)).filter_map(|(&before, [p, after])| {
             let (a, b) = ((before - p).normalize_or_zero(), (after - p).normalize_or_zero());

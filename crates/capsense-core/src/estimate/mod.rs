@@ -6,7 +6,7 @@
 //! next: where a staircase stands in relation to the true surface is a matter of luck, and may be the same on both meshes. So on
 //! the halved mesh surfaces cut edges, whatever the model; then all of what such a model makes wrong is in the difference.
 //! Links at rims that weigh what suits their mesh make C on it what it is on a finer one, often as fine as the halved mesh. What
-//! that is off by itself, halving shows of the mesh with its links as they are.
+//! that is off by itself, halving shows of the mesh with links that are not weighed so.
 //! Recovered gradients (Zienkiewicz and Zhu 1987) know of the first alone. They told errors of C four to
 //! twenty times as large as they are, and coarser meshes were off by anything from a third to fourteen times:
 //! `docs/validation.md`.
@@ -40,27 +40,27 @@ pub struct Capacitances<'a> {
 }
 
 impl ErrorBars {
-    /// Compares what a mesh says of a frame with what the halved one does. `plain` is what the mesh says with links at rims as they
-    /// are: the same as `own` but where these weigh what suits the mesh. `unfinished` is the error that the iteration may
+    /// Compares what a mesh says of a frame with what the halved one does. `unweighed` is what the mesh says with links at rims that
+    /// weigh what cells around them ask for: the same as `own`, unless these weigh what suits the mesh. `unfinished` is the error that the iteration may
     /// have left on the first, relative to the self-capacitances.
     ///
     /// # Panics
     /// When matrices have different sizes.
     pub fn between(
         own: Capacitances<'_>,
-        plain: Capacitances<'_>,
+        unweighed: Capacitances<'_>,
         halved: Capacitances<'_>,
         unfinished: f64,
     ) -> Self {
         let [capacitance, change] = [
-            [own, plain, halved].map(|of| of.capacitance.clone()),
-            [own, plain, halved].map(|of| of.capacitance.minus(of.base)),
+            [own, unweighed, halved].map(|of| of.capacitance.clone()),
+            [own, unweighed, halved].map(|of| of.capacitance.minus(of.base)),
         ]
-        .map(|[own_values, plain, halved]| {
-            let [shown, of_plain] = [&own_values, &plain].map(|values| shown(values, &halved));
+        .map(|[own_values, unweighed, halved]| {
+            let [shown, of_unweighed] = [&own_values, &unweighed].map(|values| shown(values, &halved));
             CapacitanceMatrix::from_upper(own_values.size(), |row, column| {
                 let left =
-                    LEFT * of_plain.get(row, column) + unfinished * scale(own.capacitance, row, column);
+                    LEFT * of_unweighed.get(row, column) + unfinished * scale(own.capacitance, row, column);
                 shown.get(row, column) + left
             })
         });
@@ -120,11 +120,11 @@ mod tests {
 
     /// Links may make a mesh say what the halved one does, which is off by itself.
     #[test]
-    fn what_suited_links_hide_plain_ones_show() {
-        let [plain, halved] = [3.0, 4.0].map(|value| matrix(1, |_, _| value));
+    fn what_weighed_links_hide_others_show() {
+        let [unweighed, halved] = [3.0, 4.0].map(|value| matrix(1, |_, _| value));
         let nothing = CapacitanceMatrix::zeros(1);
         let seen = |capacitance| Capacitances { capacitance, base: &nothing };
-        let bars = ErrorBars::between(seen(&halved), seen(&plain), seen(&halved), 0.0);
+        let bars = ErrorBars::between(seen(&halved), seen(&unweighed), seen(&halved), 0.0);
         let expected = LEFT * 2f64.sqrt();
         assert!((bars.capacitance.get(0, 0) - expected).abs() < 1e-12, "{bars:?}");
         assert!((bars.change.get(0, 0) - expected).abs() < 1e-12, "{bars:?}");

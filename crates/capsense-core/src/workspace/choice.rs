@@ -3,7 +3,8 @@
 //! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
 //! other, a fifth more each time, lattices of most sizes with links at rims that weigh what suits them best: as edges of electrodes must be in
 //! lattice planes, some sizes are much better than others. Between the first that is exact enough and the one before, smaller ones
-//! are looked for by halves, then lattices of other gradings that are smaller still.
+//! are looked for by halves, then lattices of other gradings that are smaller still; where there are many tetrahedra, two with lower
+//! layers stand beside the usual one of each size instead.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
 use super::balance::Balance;
@@ -61,7 +62,7 @@ const RADIUS: f64 = 0.2;
 const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
 /// What is weighed for some places and chosen for them is less exact elsewhere, by about a sixth; but for lattices of more tetrahedra than are
-/// [`COMPARED`], of which there are no other gradings.
+/// [`COMPARED`]: of three of a size none is the best by chance.
 const MARGIN: f64 = 0.85;
 
 /// A mesh is given up as soon as the mean error, that of C without bodies among them, is so many times the tolerance at least: then one of
@@ -195,7 +196,7 @@ struct Search<'a> {
     design: &'a SensorDesign,
     /// The first size of the wanted mesh that has not been tried, as a power of [`TRIED_NEXT`].
     step: Option<i32>,
-    /// The error of the last mesh that was tried, as far as it was looked at: too large.
+    /// The error of the last mesh that was tried, as far as it was looked at, and the least where there are several of a size: too large.
     last: f64,
 }
 
@@ -340,12 +341,16 @@ impl Search<'_> {
         let usual = match Sensor::generated(self.design, kind, allowed) {
             // Too few for the electrodes.
             Err(SensorError::TooFewElements { .. } | SensorError::OwnsNoNode(_)) => return Ok(None),
-            sensor => self.exact_enough(sensor?, allowed, reference)?,
+            sensor => sensor?,
         };
-        if usual.is_some() || kind == MeshKind::Bisection || allowed <= *COMPARED.end() {
-            return Ok(usual);
+        let usual_lattice = usual.lattice().cloned();
+        let choice = self.exact_enough(usual, allowed, reference)?;
+        if choice.is_some() || kind == MeshKind::Bisection || allowed <= *COMPARED.end() {
+            return Ok(choice);
         }
-        Ok(self.first_exact_enough(&self.design.lattices_of_lower_layers(allowed)?, allowed, reference))
+        let mut lower = self.design.lattices_of_lower_layers(allowed)?;
+        lower.retain(|lattice| Some(lattice) != usual_lattice.as_ref());
+        Ok(self.first_exact_enough(&lower, allowed, reference))
     }
 
     /// The first of some lattices that is exact enough; what cannot be compared is not taken.
@@ -355,8 +360,16 @@ impl Search<'_> {
         allowed: usize,
         reference: &Rung,
     ) -> Option<MeshChoice> {
-        let mut sensors = lattices.iter().filter_map(|lattice| Sensor::on_lattice(self.design, lattice).ok());
-        sensors.find_map(|sensor| self.exact_enough(sensor, allowed, reference).ok().flatten())
+        let mut least = self.last;
+        for lattice in lattices {
+            let Ok(sensor) = Sensor::on_lattice(self.design, lattice) else { continue };
+            if let Ok(Some(choice)) = self.exact_enough(sensor, allowed, reference) {
+                return Some(choice);
+            }
+            least = least.min(self.last);
+        }
+        self.last = least;
+        None
     }
 
     /// A mesh, lattices of some sizes with links that weigh what suits them best, if it is exact enough then; places are looked at until it is not.

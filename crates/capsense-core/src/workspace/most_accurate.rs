@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 use std::ops::RangeInclusive;
 
 /// Where there may be fewer or more tetrahedra, the usual mesh is taken: with fewer, cells are as large as the gaps below bodies; with
-/// more, errors hardly go up and down, and comparing takes seconds.
+/// more, comparing takes many seconds.
 pub(super) const COMPARED: RangeInclusive<usize> = 12_000..=250_000;
 
 /// How many sizes of the usual mesh are tried, and by which factor they follow each other. With ten, of 60,000 tetrahedra 45,360 are taken for a sensor

@@ -125,6 +125,7 @@ fn large_lattices_have_links_and_layers_that_suit_them() {
     assert!((250_000..350_000).contains(&choice.allowed), "{}", choice.allowed);
     let lattice = choice.sensor.lattice().unwrap();
     assert!(design.lattices_of_lower_layers(choice.allowed).unwrap().contains(lattice));
+    assert_ne!(*lattice, design.lattice(choice.allowed).unwrap());
     assert_ne!(choice.sensor, Sensor::on_lattice(&design, lattice).unwrap());
 }
 

@@ -35,7 +35,7 @@ pub fn ui(ui: &mut Ui, session: &mut Session, preferences: &CurvePreferences, ba
     cells(ui, &open.scene.electrodes, &values, bars, preferences, &heading);
     let is_too_large = matches!(session.bars, Bars::TooLarge);
     ui.horizontal(|ui| {
-        let hint = "from the same frame on a mesh with all spacings halved; nine of ten errors are smaller";
+        let hint = "from the same frame on a mesh with all spacings halved, and on this one if its rims are weighed; nine of ten errors are smaller";
         if ui.add_enabled(!is_too_large, egui::Button::new("± error bars")).on_hover_text(hint).clicked() {
             session.tell_bars();
         }

@@ -195,8 +195,8 @@ fn kappa(half_lengths: &[((Terminal, u32), f64)], balances: &BTreeMap<u32, Balan
 /// faces, which stays finite at the line.
 pub(super) fn exact_energy(frame: &Frame, corners: [DVec3; 4], divisions: usize) -> f64 {
     let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
-    let flux: f64 = faces.map(|face| flux(frame, face.map(|k| corners[k]), divisions)).iter().sum();
-    0.25 * flux.abs()
+    let outward: f64 = faces.map(|face| flux(frame, face.map(|k| corners[k]), divisions)).iter().sum();
+    0.25 * signed_volume(corners).signum() * outward
 }
 
 /// The flux of the unit vector away from the line through a triangle, which is divided where it is near the line.
@@ -241,10 +241,32 @@ fn permittivity_around(mesh: &TetMesh, nodes: impl Iterator<Item = u32>) -> BTre
 mod tests {
     use super::*;
 
+    /// The same by points: the centroids of the parts of a tetrahedron that is halved so often.
+    fn middles(frame: &Frame, [a, b, c, d]: [DVec3; 4], times: usize) -> f64 {
+        if times == 0 {
+            let centroid = (a + b + c + d) / 4.0;
+            return 0.25 * signed_volume([a, b, c, d]).abs() / frame.distance(centroid);
+        }
+        let middle = |p: DVec3, q: DVec3| 0.5 * (p + q);
+        let (ab, ac, ad) = (middle(a, b), middle(a, c), middle(a, d));
+        let (bc, bd, cd) = (middle(b, c), middle(b, d), middle(c, d));
+        let parts = [
+            [a, ab, ac, ad],
+            [ab, b, bc, bd],
+            [ac, bc, c, cd],
+            [ad, bd, cd, d],
+            [ab, ac, ad, bd],
+            [ab, ac, bc, bd],
+            [ac, ad, bd, cd],
+            [ac, bc, bd, cd],
+        ];
+        parts.into_iter().map(|part| middles(frame, part, times - 1)).sum()
+    }
+
     /// A prism of which one edge is on the line, cut into three tetrahedra: ∫ 1/r dV is its height times ∫ ρ(θ) dθ, where ρ is the
     /// distance of its far face.
     #[test]
-    fn energies_near_the_line_are_exact() {
+    fn energies_near_the_line_and_on_it_are_exact() {
         let (height, far) = (0.7, 0.4);
         let angle = 1.1f64;
         let frame = Frame::across_line(DVec3::ZERO, DVec3::X);
@@ -260,6 +282,15 @@ mod tests {
         let sum: f64 = parts.into_iter().map(|part| exact_energy(&frame, part, DIVISIONS)).sum();
         let exact = 0.25 * height * far * (angle.tan() + angle.cos().recip()).ln();
         assert!((sum / exact - 1.0).abs() < 1e-3, "{sum} {exact}");
+        // Through the interior of faces, whatever the order of the corners: the middles of many small parts.
+        let around =
+            [[-0.3, -1.0, -0.2], [0.5, -0.8, -0.3], [0.1, -0.9, 0.6], [0.05, 0.9, 0.02]].map(DVec3::from);
+        let [a, b, c, d] = around;
+        let sum = middles(&frame, around, 6);
+        for corners in [around, [b, a, c, d]] {
+            let found = exact_energy(&frame, corners, DIVISIONS);
+            assert!((found / sum - 1.0).abs() < 5e-3, "{found} {sum}");
+        }
         // Far away 1/r hardly changes within an element.
         let away = parts[0].map(|corner| corner + 100.0 * DVec3::X);
         let volume = signed_volume(away).abs();
