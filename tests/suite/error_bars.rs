@@ -114,7 +114,8 @@ fn bars_of_scenes_know_what_filled_elements_miss() {
     }
 }
 
-/// Links that suit the mesh make C on it what it is on the halved one. Before bars knew, that of these squares was off by 2.5 bars.
+/// Links that suit the mesh make C on it what it is on the halved one. Before bars knew, that of these squares was off by up to 2.3
+/// bars.
 #[test]
 fn bars_know_what_links_that_suit_the_mesh_hide() {
     let squares: String = [[-0.02, -0.02], [0.02, -0.02], [-0.02, 0.02], [0.02, 0.02]]

@@ -57,11 +57,11 @@ impl ErrorBars {
             [own, unweighed, halved].map(|of| of.capacitance.minus(of.base)),
         ]
         .map(|[own_values, unweighed, halved]| {
-            let [shown, of_unweighed] = [&own_values, &unweighed].map(|values| shown(values, &halved));
+            let [of_own, of_unweighed] = [&own_values, &unweighed].map(|values| shown(values, &halved));
             CapacitanceMatrix::from_upper(own_values.size(), |row, column| {
                 let left =
                     LEFT * of_unweighed.get(row, column) + unfinished * scale(own.capacitance, row, column);
-                shown.get(row, column) + left
+                of_own.get(row, column) + left
             })
         });
         Self { capacitance, change }

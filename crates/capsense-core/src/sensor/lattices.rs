@@ -124,12 +124,9 @@ impl SensorDesign {
     /// When the design is invalid.
     pub fn lattices_of_lower_layers(&self, max_tets: usize) -> Result<Vec<Lattice>, SensorError> {
         self.validate()?;
-        let pattern = self.pattern();
         let mut lattices = Vec::new();
         for height in LOWER_HEIGHTS {
-            let variation = Variation { height, ..Variation::USUAL };
-            let grading = |finest| Grading::for_workspace(finest, variation, max_tets, pattern);
-            let (_, lattice) = self.finest_lattice(max_tets, grading)?;
+            let (_, lattice) = self.finest_varied(max_tets, Variation { height, ..Variation::USUAL })?;
             if lattice.tet_count() <= max_tets {
                 lattices.push(lattice);
             }
@@ -145,13 +142,8 @@ impl SensorDesign {
         height: f64,
         aspect: f64,
     ) -> Result<Vec<(f64, Lattice)>, SensorError> {
-        let pattern = self.pattern();
         let usual = Variation { height, aspect, ..Variation::USUAL };
-        let finest = |variation: Variation| {
-            self.finest_lattice(max_tets, |finest| {
-                Grading::for_workspace(finest, variation, max_tets, pattern)
-            })
-        };
+        let finest = |variation| self.finest_varied(max_tets, variation);
         let mut lattices = vec![finest(usual)?];
         if max_tets < FEW {
             return Ok(lattices);
@@ -173,6 +165,12 @@ impl SensorDesign {
             lattices.push(finest(Variation { sharing: sharing * (1.0 + IN_PLANE), ..usual })?);
         }
         Ok(lattices)
+    }
+
+    /// The finest lattice of one variation, as of [`SensorDesign::finest_lattice`].
+    fn finest_varied(&self, max_tets: usize, variation: Variation) -> Result<(f64, Lattice), SensorError> {
+        let pattern = self.pattern();
+        self.finest_lattice(max_tets, |finest| Grading::for_workspace(finest, variation, max_tets, pattern))
     }
 
     fn outlines(&self) -> impl Iterator<Item = &Outline> {
