@@ -5,7 +5,7 @@ use super::design::locate;
 use super::raw::{MeshKind as RawKind, RawGenerate, Tuple};
 use super::source::{SceneError, Source};
 use capsense_core::glam::DVec3;
-use capsense_core::sensor::{MeshKind, Sensor, SensorDesign};
+use capsense_core::sensor::{MeshKind, Sensor, SensorDesign, SensorError};
 use capsense_core::workspace::{MeshRequest, Probes, WorkspaceError, most_accurate};
 
 /// Tetrahedra of the mesh when the scene does not say.
@@ -13,6 +13,10 @@ const DEFAULT_ELEMENTS: usize = 100_000;
 
 /// More tetrahedra than this do not fit into the memory of the machines this is made for.
 const MOST_ELEMENTS: usize = 20_000_000;
+
+/// Numbers of tetrahedra that are tried where too few were asked for: by which factor they follow each other, and how far.
+const NEXT_TRIED: f64 = 1.2;
+const LAST_TRIED: usize = 1_000_000;
 
 /// A mesh to be made for the sensor.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,8 +110,12 @@ impl GeneratedMesh {
     ) -> Result<Sensor, SceneError> {
         let threads = (threads > 0).then_some(threads);
         match &self.size {
-            MeshSize::Elements(elements) => most_accurate(design, self.kind, *elements, threads)
-                .map_err(|error| locate(source, names, &error)),
+            MeshSize::Elements(elements) => {
+                most_accurate(design, self.kind, *elements, threads).map_err(|error| {
+                    self.too_few(source, design, *elements, &error)
+                        .unwrap_or_else(|| locate(source, names, &error))
+                })
+            }
             MeshSize::Tolerance { tolerance, probes } => {
                 let request =
                     MeshRequest { tolerance: *tolerance, kind: self.kind, probes: probes.clone(), threads };
@@ -117,6 +125,32 @@ impl GeneratedMesh {
             }
         }
     }
+
+    /// What to say where a mesh cannot be made of so few tetrahedra, if more of them will do.
+    fn too_few(
+        &self,
+        source: &Source,
+        design: &SensorDesign,
+        elements: usize,
+        error: &SensorError,
+    ) -> Option<SceneError> {
+        let least = match error {
+            SensorError::TooFewElements { needed, .. } => *needed,
+            SensorError::OwnsNoNode(_) => elements,
+            _ => return None,
+        };
+        let enough = enough(design, self.kind, least)?;
+        let message = format!("{elements} tetrahedra are too few for the electrodes; {enough} will do");
+        Some(source.error("mesh.generate.elements", message))
+    }
+}
+
+/// How many tetrahedra will do, where each electrode needs a node of its own; none if that is far more than so many.
+fn enough(design: &SensorDesign, kind: MeshKind, too_few: usize) -> Option<usize> {
+    let next = |tried: &usize| Some((NEXT_TRIED * *tried as f64).ceil() as usize);
+    std::iter::successors(Some(too_few), next)
+        .take_while(|tried| *tried <= LAST_TRIED)
+        .find(|tried| Sensor::generated(design, kind, *tried).is_ok())
 }
 
 /// Says which key of the scene a complaint about the choice of a mesh is about.

@@ -74,7 +74,13 @@ const CASES: &[Case] = &[
     ),
     // Mesh.
     case("elements = 8000", "elements = 0", "elements", "mesh.generate.elements", "must be from 6"),
-    case("elements = 8000", "elements = 100", "elements", "mesh.generate.elements", "at most 100 tetrahedra"),
+    case(
+        "elements = 8000",
+        "elements = 100",
+        "elements",
+        "mesh.generate.elements",
+        "100 tetrahedra are too few",
+    ),
     case("elements = 8000", "kind = \"lattice\"", "kind", "mesh.generate", "needs `elements`"),
     case("[mesh]", "[mesh]\nunit = \"mm\"", "unit", "mesh.unit", "goes with `mesh.file`"),
     case("[mesh]", "[mesh]\nfile = \"a.msh\"", "[mesh]", "mesh", "both `generate` and `file`"),
@@ -407,7 +413,7 @@ const CASES: &[Case] = &[
         "elements = 100, kind = \"bisection\"",
         "generate",
         "mesh.generate.elements",
-        "no lattice of at most 100 tetrahedra",
+        "100 tetrahedra are too few for the electrodes",
     ),
     case(
         "\"camera\"\ninterface = \"edge-cut\"\nback_fill = false",
@@ -462,4 +468,27 @@ fn missing_and_unreadable_scenes_are_bad_input() {
     let outcome = capsense(folder.path(), &["solve", "binary.toml"]);
     assert_eq!(outcome.code, Some(2));
     assert!(outcome.stderr.contains("binary.toml:2: is not UTF-8"), "{}", outcome.stderr);
+}
+
+/// Where tetrahedra are too few, so many are named that are not.
+#[test]
+fn a_number_of_elements_that_will_do_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let solve = |elements: usize| {
+        std::fs::write(folder.path().join("scene.toml"), few(elements)).unwrap();
+        capsense(folder.path(), &["solve", "scene.toml"])
+    };
+    let refused = solve(100);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    let will_do = refused.stderr.trim_end().strip_suffix(" will do").unwrap();
+    let enough: usize = will_do.rsplit(' ').next().unwrap().parse().unwrap();
+    let made = solve(enough);
+    assert_eq!(made.code, Some(0), "{enough}: {}", made.stderr);
+}
+
+/// [`SCENE`] with a small electrode, which even a lattice that has its edges in planes has no node within.
+fn few(elements: usize) -> String {
+    SCENE
+        .replace("radius = 0.03", "radius = 0.004")
+        .replace("elements = 8000", &format!("elements = {elements}"))
 }

@@ -40,7 +40,7 @@ const VARIED_HEIGHTS: [f64; 5] = [1.0, 1.2, 1.45, 0.9, 0.8];
 const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 
 /// How high lower layers are.
-const LOWER_HEIGHTS: [f64; 2] = [0.9, 0.8];
+const LOWER_HEIGHTS: [f64; 4] = [0.95, 0.9, 0.85, 0.8];
 
 /// Lattices of less than this part of the tetrahedra are none of those that vary.
 const WORTH_COMPARING: f64 = 0.6;
@@ -116,7 +116,7 @@ impl SensorDesign {
         Ok(lattices)
     }
 
-    /// The finest lattices of at most so many tetrahedra whose layers are 0.9 and 0.8 times as high, in relation to cells at electrodes'
+    /// The finest lattices of at most so many tetrahedra whose layers are 0.95 to 0.8 times as high, in relation to cells at electrodes'
     /// edges, as those of [`SensorDesign::lattice`] usually are; of so few that there is none, fewer. Where there are many, bodies that
     /// are away from the electrodes may need them.
     ///

@@ -3,8 +3,8 @@
 //! Lattices that grow tell how many tetrahedra it may take. Sizes from an eighth of that number up are then tried one after the
 //! other, a fifth more each time, lattices of most sizes with links at rims that weigh what suits them best: as edges of electrodes must be in
 //! lattice planes, some sizes are much better than others. Between the first that is exact enough and the one before, smaller ones
-//! are looked for by halves, then lattices of other gradings that are smaller still; where there are many tetrahedra, two with lower
-//! layers stand beside the usual one of each size instead.
+//! are looked for by halves, then lattices of other gradings that are smaller still. Where there are many tetrahedra, some with lower
+//! layers stand beside the usual one of each size.
 //! Cost is counted in tetrahedra, so the choice is the same on every machine.
 
 use super::balance::Balance;
@@ -79,10 +79,10 @@ pub enum WorkspaceError {
     #[error("there is no place at which to estimate errors")]
     NoPlace,
     /// The plate covers an electrode or a part of it.
-    #[error("a plate of which the centre is at {0} m touches an electrode")]
+    #[error("a plate of which the centre is at {} mm touches an electrode", in_millimetres(.0))]
     Touches(DVec3),
     /// No electrode feels the plate.
-    #[error("no electrode feels a plate of which the centre is at {0} m")]
+    #[error("no electrode feels a plate of which the centre is at {} mm", in_millimetres(.0))]
     NotFelt(DVec3),
     /// Not even the finest mesh whose error can be estimated is exact enough.
     #[error(
@@ -107,6 +107,13 @@ pub enum WorkspaceError {
     /// The plate cannot be computed.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),
+}
+
+/// A place without digits that tell nothing.
+fn in_millimetres(place: &DVec3) -> String {
+    // Adding zero takes the sign from one.
+    let [x, y, z] = (1e3 * *place).to_array().map(|value| (value * 1e3).round() / 1e3 + 0.0);
+    format!("({x}, {y}, {z})")
 }
 
 /// What a mesh is wanted for.
@@ -323,10 +330,14 @@ impl Search<'_> {
         }
         loop {
             let allowed = (SMALLER * found.sensor.mesh().tets().len() as f64) as usize;
-            if !COMPARED.contains(&allowed) {
+            if allowed < *COMPARED.start() {
                 return Ok(found);
             }
-            let lattices = self.design.varied_lattices(allowed)?;
+            let lattices = if allowed <= *COMPARED.end() {
+                self.design.varied_lattices(allowed)?
+            } else {
+                self.design.lattices_of_lower_layers(allowed)?
+            };
             match self.first_exact_enough(&lattices, allowed, reference) {
                 Some(smaller) => found = smaller,
                 None => return Ok(found),
