@@ -2,6 +2,9 @@
 
 mod elsewhere;
 mod refusal;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests;
 
 use crate::capacitance::{CapacitanceMatrix, own_potential};
 use crate::estimate::{Capacitances, ErrorBars};
@@ -486,68 +489,4 @@ fn may_float(material: &Material) -> bool {
 /// of each to ground.
 fn released_objects(materials: &[Material], electrodes: usize) -> impl Iterator<Item = (usize, f64)> {
     (electrodes..).zip(materials.iter().filter_map(own_potential))
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)]
-mod tests {
-    use super::*;
-    use crate::electrode::{Electrode, Outline};
-    use crate::geometry::Aabb;
-    use crate::material::Connection;
-    use crate::occupancy::{DepthLayers, NO_OBJECT, OrthographicView};
-    use crate::sensor::{FREE, SensorDesign, Wall};
-    use glam::{DVec2, DVec3};
-
-    /// From the potentials and K as compressed rows; links to an object at 0 V are on the diagonal alone.
-    fn residual(simulator: &Simulator) -> f64 {
-        let matrix = simulator.matrix.to_csr();
-        let of_column = |column: usize| {
-            let (mut free, mut held) = (0.0, 0.0);
-            let mut linked = vec![0.0; simulator.matrix.nodes()];
-            for (node, body, weight) in simulator.matrix.links() {
-                let of_body = simulator.fields.potential(column, body);
-                linked[node] += weight * of_body;
-                held += (weight * of_body * (of_body - simulator.fields.potential(column, node))).powi(2);
-            }
-            for (node, row) in matrix.row_iter().enumerate() {
-                let entries = row.col_indices().iter().zip(row.values());
-                let through: f64 =
-                    entries.map(|(&other, k)| k * simulator.fields.potential(column, other)).sum();
-                let charge = through - linked[node];
-                match simulator.occupancy.conductors()[node] == NO_OBJECT {
-                    true if simulator.sensor.terminals()[node] == FREE => free += charge * charge,
-                    _ => held += (simulator.fields.potential(column, node) * charge).powi(2),
-                }
-            }
-            f64::sqrt(free / held)
-        };
-        (0..simulator.fields.columns()).map(of_column).fold(0.0, f64::max)
-    }
-
-    #[test]
-    fn the_residual_reported_is_that_of_the_potentials() {
-        let domain = Aabb { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) };
-        let outline = Outline::Rectangle { center: DVec2::ZERO, size: DVec2::splat(0.04) };
-        let electrodes = vec![Electrode { name: "E1".into(), outline, z: 0.0 }];
-        let design = SensorDesign { domain, electrodes, substrate: None, wall: Wall::Grounded };
-        let sensor = Sensor::on_lattice(&design, &design.lattice(5_000).unwrap()).unwrap();
-        let mut depth = DepthLayers::empty(OrthographicView { domain, width: 8, height: 8 }, 1);
-        let (front, back) = depth.layer_mut(0);
-        front[..40].fill(0.03);
-        back[..40].fill(0.05);
-        // Multigrid has the lattice's operator, in single precision, the others have rows in double.
-        let single = (Preconditioner::Multigrid, 2e-5);
-        for (preconditioner, slack) in [single, (Preconditioner::Ic0, 1e-6), (Preconditioner::Jacobi, 1e-6)] {
-            let options = SolverOptions { preconditioner, ..SolverOptions::default() };
-            let plate = Material::Conductor(Connection::Grounded);
-            let mut simulator = Simulator::new(sensor.clone(), vec![plate], options).unwrap();
-            let reported = simulator.step(&depth).unwrap().solve.residual;
-            let expected = residual(&simulator);
-            assert!(
-                (reported / expected - 1.0).abs() < slack,
-                "{preconditioner:?}: {reported:e} {expected:e}"
-            );
-        }
-    }
 }

@@ -1,5 +1,4 @@
-//! Once storage has grown, a frame of one thread allocates nothing, neither taking it over nor solving it, but for bodies of such
-//! permittivity that they have a direction of their own.
+//! Once storage has grown, a frame of one thread allocates nothing, neither taking it over nor solving it.
 
 #![allow(clippy::unwrap_used, missing_docs)]
 
@@ -110,6 +109,11 @@ fn frames_allocate_nothing() {
     let by_camera_off_lattice =
         allocations(off_lattice, Preconditioner::Multigrid, &[grounded, dielectric(4.0)], camera);
     assert_eq!([by_solids_off_lattice, by_camera_off_lattice], [[0; 2]; 2], "off the lattice");
+    // Of such permittivity that bodies have directions of their own, one within the other.
+    let strong = [grounded, dielectric(1e6)];
+    let [on_lattice, off_lattice] = [lattice(), with_moved_nodes(&lattice())]
+        .map(|sensor| allocations(sensor, Preconditioner::Multigrid, &strong, camera));
+    assert_eq!([on_lattice, off_lattice], [[0; 2]; 2], "strong dielectrics");
     // Small enough for the Green's function: what is dense is solved in the update.
     let small = |frame: usize| {
         let at = |x: f64, z: f64| {

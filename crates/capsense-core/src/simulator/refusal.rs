@@ -6,6 +6,7 @@ use crate::sensor::{FREE, Sensor};
 use crate::solver::{Preconditioner, SolveError, SolverOptions};
 
 /// Why a frame cannot be computed.
+#[must_use]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SimulatorError {
     /// The objects seen are not those that were announced.

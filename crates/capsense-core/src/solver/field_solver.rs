@@ -9,7 +9,7 @@ use super::lattice::LatticeSolver;
 use super::operator::Operator;
 use super::pcg::ConjugateGradients;
 use super::remote::{Found, RemoteFields, RemoteSolver};
-use super::{FINEST_FOR_CHANGES, Preconditioner, SolveError, SolveReport, SolverOptions, available_threads};
+use super::{Preconditioner, SolveError, SolveReport, SolverOptions, available_threads};
 use crate::mesh::Edges;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
@@ -181,9 +181,12 @@ impl FieldSolver {
         options: &SolverOptions,
     ) {
         if let Some(green) = self.green.as_mut().filter(|_| !changed.is_empty()) {
-            let finest = options.change_tolerance.map_or(1.0, |_| FINEST_FOR_CHANGES);
-            let allowed = options.tolerance.min(finest);
-            self.answered = green.update(matrix, occupancy).filter(|&error| error <= allowed);
+            self.answered = green.update(matrix, occupancy).filter(|error| {
+                self.demand.update(green.energies());
+                let allowed = |(column, energy)| self.demand.allowed(column, energy, options);
+                let own = own_energies(green.energies(), self.columns).enumerate();
+                own.filter(|(_, energy)| *energy > 0.0).map(allowed).all(|allowed| *error <= allowed)
+            });
             if self.answered.is_none()
                 && let Vectors::Csr(fields) = &mut self.vectors
             {
@@ -355,9 +358,11 @@ impl FieldSolver {
     fn answer(&mut self) -> Option<SolveReport> {
         let (green, relative_error) = (self.green.as_ref()?, self.answered?);
         self.bracket.energies.copy_from_slice(green.energies());
+        self.demand.update(&self.bracket.energies);
+        let of_column = |column| self.demand.error_of_capacitance(column, relative_error);
         Some(SolveReport {
             iterations: 1,
-            relative_error,
+            relative_error: (0..self.columns).map(of_column).fold(0.0, f64::max),
             residual: self.residual,
             skipped: false,
             launches: 0,
@@ -385,7 +390,7 @@ impl FieldSolver {
         options: &SolverOptions,
     ) -> Result<SolveReport, SolveError> {
         if self.is_single() && !self.single_is_enough(options) {
-            self.change_precision(matrix);
+            self.switch_precision(matrix);
         }
         if !self.is_single() {
             return self.improve(options);
@@ -393,10 +398,14 @@ impl FieldSolver {
         let max_iterations = options.max_iterations.min(ITERATIONS_IN_SINGLE_PRECISION);
         let report = self.improve(&SolverOptions { max_iterations, ..*options });
         match report {
-            Err(SolveError::NotConverged { .. } | SolveError::Breakdown { .. }) => {
+            Err(SolveError::NotConverged { iterations, .. } | SolveError::Breakdown { iterations, .. })
+                if iterations < options.max_iterations =>
+            {
                 self.iteration.forget();
-                self.change_precision(matrix);
-                self.improve(options)
+                self.switch_precision(matrix);
+                let max_iterations = options.max_iterations - iterations;
+                let report = self.improve(&SolverOptions { max_iterations, ..*options });
+                report.map(|report| report.after(iterations)).map_err(|error| error.after(iterations))
             }
             _ => report,
         }
@@ -426,13 +435,13 @@ impl FieldSolver {
     /// Stores potentials in single precision if that is exact enough.
     pub(crate) fn choose_precision(&mut self, matrix: &StiffnessMatrix, options: &SolverOptions) {
         if !self.is_single() && self.single_is_enough(options) {
-            self.change_precision(matrix);
+            self.switch_precision(matrix);
         }
     }
 
-    fn change_precision(&mut self, matrix: &StiffnessMatrix) {
+    fn switch_precision(&mut self, matrix: &StiffnessMatrix) {
         if let Vectors::Lattice(fields) = &mut self.vectors {
-            fields.change_precision(matrix);
+            fields.switch_precision(matrix);
             self.residual_is_lost = true;
         }
     }

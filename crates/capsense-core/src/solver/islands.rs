@@ -9,6 +9,7 @@
 
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
+use std::ops::Range;
 
 /// Edges whose weight is raised by at least this factor hold an island together. Measured at 200k tetrahedra with a body
 /// of 80 that moves 1 mm a frame: with 10, a frame takes 3 iterations on average and 8 at most; with 200, as if there were
@@ -27,6 +28,9 @@ pub(super) struct Islands {
     /// From which contrast on edges hold a body together that gets a direction.
     least_contrast: f64,
     islands: Vec<Island>,
+    /// The nodes of all islands, each one's in increasing order, and what each has around it.
+    nodes: Vec<u32>,
+    around: Vec<Part>,
     /// Edges that hold islands together, and whether each edge of the mesh is one.
     strong: Vec<u32>,
     is_strong: Vec<bool>,
@@ -35,6 +39,9 @@ pub(super) struct Islands {
     members: Vec<u32>,
     is_member: Vec<bool>,
     parent: Vec<u32>,
+    /// Of the islands found last, each node after the one that it is joined to, and weights that lead out of one of them.
+    joined: Vec<[u32; 2]>,
+    outward: Vec<Outward>,
     /// How far to go along the direction of each island, and dᵀr in one column after the other.
     along: Vec<f64>,
     of_columns: Vec<f64>,
@@ -43,12 +50,26 @@ pub(super) struct Islands {
 /// Nodes that are joined by strong edges.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Island {
-    /// In increasing order. The first is the one that the others are joined to.
-    nodes: Vec<u32>,
-    /// The islands around it, from the outermost on, with the part of its indicator that lies along their directions.
-    around: Vec<(usize, f64)>,
+    /// Which of all nodes. The first is the one that the others are joined to.
+    nodes: Range<usize>,
+    /// Which of all parts: of the islands around it, from the outermost on.
+    around: Range<usize>,
     /// dᵀKd of its direction d.
     stiffness: f64,
+}
+
+/// How much of an island's indicator lies along the direction of one around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Part {
+    island: usize,
+    part: f64,
+}
+
+/// A weight that leads out of an island, and the node that it leads to if that is none of an object.
+#[derive(Clone, Copy, Debug)]
+struct Outward {
+    to: Option<u32>,
+    weight: f64,
 }
 
 /// Of a direction that is so little of the island's indicator, nothing but rounding is left.
@@ -60,11 +81,15 @@ impl Islands {
         Self {
             least_contrast,
             islands: Vec::new(),
+            nodes: Vec::new(),
+            around: Vec::new(),
             strong: Vec::new(),
             is_strong: Vec::new(),
             members: Vec::new(),
             is_member: Vec::new(),
             parent: Vec::new(),
+            joined: Vec::new(),
+            outward: Vec::new(),
             along: Vec::new(),
             of_columns: Vec::new(),
         }
@@ -87,6 +112,8 @@ impl Islands {
         self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
         self.is_member.resize(matrix.nodes(), false);
         self.islands.clear();
+        self.nodes.clear();
+        self.around.clear();
         let mut contrast = self.least_contrast;
         while contrast < STRONGEST && self.join(matrix, occupancy, contrast) {
             self.collect(matrix, occupancy);
@@ -117,10 +144,16 @@ impl Islands {
         !self.members.is_empty()
     }
 
-    /// The islands found last, in the order of their smallest nodes.
+    /// The nodes of each island, in the order of their smallest ones.
     #[cfg(test)]
-    pub(super) fn islands(&self) -> &[Island] {
-        &self.islands
+    pub(super) fn nodes(&self) -> impl Iterator<Item = &[u32]> {
+        self.islands.iter().map(|island| &self.nodes[island.nodes.clone()])
+    }
+
+    /// All that is known of the islands.
+    #[cfg(test)]
+    pub(super) fn islands(&self) -> (&[Island], &[u32], &[Part]) {
+        (&self.islands, &self.nodes, &self.around)
     }
 
     fn find_strong_edges(
@@ -152,25 +185,75 @@ impl Islands {
 
     /// Adds the islands that were joined; some are in islands that are there already, held together by weaker edges.
     fn collect(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy) {
-        let Self { islands, members, parent, .. } = self;
-        let first = islands.len();
-        let mut found: Vec<Vec<u32>> = Vec::new();
-        for &node in &*members {
-            // The smallest node of an island is its root, and comes first.
-            let root_of_node = root(parent, node);
-            if root_of_node == node {
-                found.push(Vec::new());
-            }
-            let place = found.partition_point(|nodes| nodes.first().is_some_and(|&root| root < root_of_node));
-            if let Some(nodes) = found.get_mut(place) {
-                nodes.push(node);
+        let weaker = self.islands.len();
+        let mut joined = std::mem::take(&mut self.joined);
+        joined.clear();
+        joined.extend(self.members.iter().map(|&node| [root(&mut self.parent, node), node]));
+        joined.sort_unstable();
+        for island in joined.chunk_by(|a, b| a[0] == b[0]) {
+            let first = self.nodes.len();
+            self.nodes.extend(island.iter().map(|[_, node]| node));
+            self.find_outward(first, matrix, occupancy);
+            if !self.add(first, weaker) {
+                self.nodes.truncate(first);
             }
         }
-        for nodes in found {
-            let outward = weights_out_of(&nodes, parent, matrix, occupancy);
-            let innermost = islands[..first].iter().rposition(|island| island.holds(nodes[0]));
-            islands.extend(Island::new(nodes, &outward, innermost, islands));
+        self.joined = joined;
+    }
+
+    /// Finds the weights that lead out of the nodes from the first one on.
+    fn find_outward(&mut self, first: usize, matrix: &StiffnessMatrix, occupancy: &Occupancy) {
+        let Self { nodes, parent, outward, .. } = self;
+        let (nodes, network) = (&nodes[first..], matrix.network());
+        outward.clear();
+        for &node in nodes {
+            match matrix.link_weight(node as usize) {
+                0.0 => {}
+                weight => outward.push(Outward { to: None, weight }),
+            }
+            network.edges().for_edges_at(node as usize, |edge, end| {
+                let Some(ends) = network.edges().ends(edge) else { return };
+                let other = ends[1 - end];
+                if root(parent, other) != nodes[0] {
+                    let base = network.weights()[edge];
+                    let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
+                    let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
+                    outward.push(Outward { to: Some(other), weight });
+                }
+            });
         }
+    }
+
+    /// Adds an island of the nodes from the first one on, within the innermost of so many weaker ones that it is in. Returns whether it
+    /// has a direction of its own; if not, it is not added.
+    fn add(&mut self, first: usize, weaker: usize) -> bool {
+        let Self { islands, nodes, around, outward, .. } = self;
+        let own: f64 = outward.iter().map(|outward| outward.weight).sum();
+        let (begin, mut stiffness) = (around.len(), own);
+        let innermost = islands[..weaker].iter().rposition(|island| island.holds(nodes, nodes[first]));
+        let further = innermost.map_or(0..0, |index| islands[index].around.clone());
+        // The islands around that one, then it itself.
+        for index in further.map(Some).chain([None]) {
+            let Some(index) = index.map(|part| around[part].island).or(innermost) else { break };
+            let other = &islands[index];
+            let leaves = |to: Option<u32>| to.is_none_or(|node| !other.holds(nodes, node));
+            let with_indicator: f64 =
+                outward.iter().filter(|outward| leaves(outward.to)).map(|outward| outward.weight).sum();
+            // 1ᵀKd, as the other direction d is its indicator less its part along those around it.
+            let along = around[other.around.clone()].iter().zip(&around[begin..]);
+            let product = along.fold(with_indicator, |product, (of_other, own)| {
+                product - of_other.part * own.part * islands[of_other.island].stiffness
+            });
+            around.push(Part { island: index, part: product / other.stiffness });
+            stiffness -= product * product / other.stiffness;
+        }
+        let has_direction = stiffness > SAME * own;
+        if has_direction {
+            islands.push(Island { nodes: first..nodes.len(), around: begin..around.len(), stiffness });
+        } else {
+            around.truncate(begin);
+        }
+        has_direction
     }
 
     /// Adds to RᵀMR, of pairs s <= t of the active columns, what the directions of all islands gain. `r` reads r at a node
@@ -199,11 +282,12 @@ impl Islands {
 
     /// dᵀr of the direction d of every island.
     fn find_along(&mut self, r: impl Fn(u32) -> f64) {
-        let Self { islands, along, .. } = self;
+        let Self { islands, nodes, around, along, .. } = self;
         along.clear();
         for island in &*islands {
-            let within: f64 = island.nodes.iter().map(|&node| r(node)).sum();
-            along.push(island.around.iter().fold(within, |sum, &(other, part)| sum - part * along[other]));
+            let within: f64 = nodes[island.nodes.clone()].iter().map(|&node| r(node)).sum();
+            let parts = &around[island.around.clone()];
+            along.push(parts.iter().fold(within, |sum, of| sum - of.part * along[of.island]));
         }
     }
 
@@ -211,83 +295,22 @@ impl Islands {
     /// at a node.
     pub(super) fn correct(&mut self, r: impl Fn(u32) -> f64, mut raise: impl FnMut(u32, f64)) {
         self.find_along(r);
-        let Self { islands, along, .. } = self;
+        let Self { islands, nodes, around, along, .. } = self;
         // From dᵀr to how far to go along d, and from there, the innermost first, to how far along 1.
         along.iter_mut().zip(&*islands).for_each(|(along, island)| *along /= island.stiffness);
         for (index, island) in islands.iter().enumerate().rev() {
             let shift = along[index];
-            island.around.iter().for_each(|&(other, part)| along[other] -= part * shift);
-            island.nodes.iter().for_each(|&node| raise(node, shift));
+            around[island.around.clone()].iter().for_each(|of| along[of.island] -= of.part * shift);
+            nodes[island.nodes.clone()].iter().for_each(|&node| raise(node, shift));
         }
     }
 }
 
 impl Island {
-    /// One with the islands around the innermost that it is in. None if it has no direction of its own. `outward` holds
-    /// the weights that lead out of it, and to where.
-    fn new(
-        nodes: Vec<u32>,
-        outward: &[(Option<u32>, f64)],
-        innermost: Option<usize>,
-        islands: &[Self],
-    ) -> Option<Self> {
-        let own: f64 = outward.iter().map(|(_, weight)| weight).sum();
-        let (mut around, mut stiffness) = (Vec::new(), own);
-        let further = innermost.into_iter().flat_map(|index| &islands[index].around);
-        for index in further.map(|(index, _)| *index).chain(innermost) {
-            let other = &islands[index];
-            let leaves = |to: &Option<u32>| to.is_none_or(|node| !other.holds(node));
-            let with_indicator: f64 =
-                outward.iter().filter(|(to, _)| leaves(to)).map(|(_, weight)| weight).sum();
-            // 1ᵀKd, as the other direction d is its indicator less its part along those around it.
-            let product = other.around.iter().zip(&around).fold(
-                with_indicator,
-                |product, ((index, part), (_, along)): (_, &(usize, f64))| {
-                    product - part * along * islands[*index].stiffness
-                },
-            );
-            around.push((index, product / other.stiffness));
-            stiffness -= product * product / other.stiffness;
-        }
-        (stiffness > SAME * own).then_some(Self { nodes, around, stiffness })
+    /// Whether a node is one of its own, of the nodes of all islands.
+    fn holds(&self, nodes: &[u32], node: u32) -> bool {
+        nodes[self.nodes.clone()].binary_search(&node).is_ok()
     }
-
-    #[cfg(test)]
-    pub(super) fn nodes(&self) -> &[u32] {
-        &self.nodes
-    }
-
-    fn holds(&self, node: u32) -> bool {
-        self.nodes.binary_search(&node).is_ok()
-    }
-}
-
-/// The weights that lead out of an island, each with the node that it leads to if that is none of an object.
-fn weights_out_of(
-    nodes: &[u32],
-    parent: &mut [u32],
-    matrix: &StiffnessMatrix,
-    occupancy: &Occupancy,
-) -> Vec<(Option<u32>, f64)> {
-    let network = matrix.network();
-    let mut outward = Vec::new();
-    for &node in nodes {
-        match matrix.link_weight(node as usize) {
-            0.0 => {}
-            weight => outward.push((None, weight)),
-        }
-        network.edges().for_edges_at(node as usize, |edge, end| {
-            let Some(ends) = network.edges().ends(edge) else { return };
-            let other = ends[1 - end];
-            if root(parent, other) != nodes[0] {
-                let base = network.weights()[edge];
-                let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
-                let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
-                outward.push((Some(other), weight));
-            }
-        });
-    }
-    outward
 }
 
 fn root(parent: &mut [u32], mut node: u32) -> u32 {

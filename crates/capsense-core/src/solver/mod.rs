@@ -113,7 +113,15 @@ pub struct SolveReport {
     pub launches: usize,
 }
 
+impl SolveReport {
+    /// The same after so many steps more, which had led nowhere.
+    fn after(self, steps: usize) -> Self {
+        Self { iterations: self.iterations + steps, ..self }
+    }
+}
+
 /// Why there is no solution. The field of the last good frame is lost, that of the failed one is not used.
+#[must_use]
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SolveError {
     /// The tolerance was not reached.
@@ -169,6 +177,20 @@ pub enum SolveError {
         /// What it said.
         reason: String,
     },
+}
+
+impl SolveError {
+    /// The same after so many steps more, which had led nowhere.
+    fn after(mut self, steps: usize) -> Self {
+        match &mut self {
+            Self::NotConverged { iterations, .. } | Self::Breakdown { iterations, .. } => {
+                *iterations += steps
+            }
+            Self::Indefinite { iteration, .. } | Self::NonFinite { iteration, .. } => *iteration += steps,
+            Self::Device { .. } => {}
+        }
+        self
+    }
 }
 
 #[cfg(test)]

@@ -79,11 +79,10 @@ impl ConjugateGradients {
         let (mut iterations, mut is_evaluated) = (0, false);
         while self.active.contains(&true) {
             if iterations == options.max_iterations {
-                return Err(SolveError::NotConverged {
-                    iterations,
-                    relative_error: self.worst(demand),
-                    tolerance: options.tolerance,
-                });
+                // Without a step, nothing is known.
+                let relative_error = if iterations > 0 { self.worst(demand) } else { 1.0 };
+                let tolerance = options.tolerance;
+                return Err(SolveError::NotConverged { iterations, relative_error, tolerance });
             }
             fields.descend(&self.active);
             let own = fields.gains().iter().step_by(self.active.len() + 1).zip(&self.active);

@@ -57,62 +57,17 @@ impl LatticeValues {
 
     /// y = K x, and the columns' xᵀy.
     pub(super) fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
-        let [nx, ny, nz] = self.lattice.node_counts();
-        let (nodes, plane) = (nx * ny * nz, nx * ny);
+        let nodes = self.lattice.node_counts().iter().product();
         let mut products = [0.0; LANES];
-        for row in (0..nodes).step_by(nx) {
-            let here = &x[row..row + nx];
-            // Outermost rows have themselves for neighbours, with weight zero.
-            let beside = |at: Option<usize>| at.and_then(|at| x.get(at..at + nx)).unwrap_or(here);
-            let weights =
-                |axis: usize, before: usize| &self.weight[axis][self.padding() + row - before..][..nx];
-            let stencil = RowStencil {
-                across: [
-                    (weights(1, nx), beside(row.checked_sub(nx))),
-                    (weights(1, 0), beside(Some(row + nx))),
-                    (weights(2, plane), beside(row.checked_sub(plane))),
-                    (weights(2, 0), beside(Some(row + plane))),
-                ],
-                along: weights(0, 0),
-            };
-            stencil.apply(here, &mut y[row..row + nx], &mut products);
+        for (node, y) in y[..nodes].iter_mut().enumerate() {
+            let here = x[node].map(Into::<f64>::into);
+            *y = [0.0; LANES];
+            for (other, weight) in self.row(node) {
+                let there = x[other].map(Into::<f64>::into);
+                (0..LANES).for_each(|lane| y[lane] += weight * (here[lane] - there[lane]));
+            }
+            (0..LANES).for_each(|lane| products[lane] += here[lane] * y[lane]);
         }
         products
-    }
-}
-
-/// One row of nodes along x with the weights and values around it.
-struct RowStencil<'a, T> {
-    across: [(&'a [f64], &'a [[T; LANES]]); 4],
-    along: &'a [f64],
-}
-
-impl<T: Copy + Into<f64>> RowStencil<'_, T> {
-    #[inline]
-    fn apply(&self, x: &[[T; LANES]], y: &mut [Lane], products: &mut Lane) {
-        let nx = x.len();
-        let [(wa, a), (wb, b), (wc, c), (wd, d)] = self.across;
-        let (wa, wb, wc, wd) = (&wa[..nx], &wb[..nx], &wc[..nx], &wd[..nx]);
-        let (a, b, c, d) = (&a[..nx], &b[..nx], &c[..nx], &d[..nx]);
-        let (along, y) = (&self.along[..nx], &mut y[..nx]);
-        let double = |lanes: &[T; LANES]| lanes.map(Into::<f64>::into);
-        // The current through the edge from the node before.
-        let mut current = [0.0; LANES];
-        let mut here = double(&x[0]);
-        for i in 0..nx {
-            let next = if i + 1 < nx { double(&x[i + 1]) } else { here };
-            let (a, b, c, d) = (double(&a[i]), double(&b[i]), double(&c[i]), double(&d[i]));
-            for lane in 0..LANES {
-                let v = here[lane];
-                let onward = along[i] * (v - next[lane]);
-                let sum = (wa[i] * (v - a[lane]) + wb[i] * (v - b[lane]))
-                    + (wc[i] * (v - c[lane]) + wd[i] * (v - d[lane]))
-                    + (onward - current[lane]);
-                current[lane] = onward;
-                y[i][lane] = sum;
-                products[lane] += v * sum;
-            }
-            here = next;
-        }
     }
 }

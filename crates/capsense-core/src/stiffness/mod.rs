@@ -20,10 +20,10 @@ use lattice::LatticeValues;
 use nalgebra_sparse::CsrMatrix;
 use rim::RimWeights;
 
-/// A right-hand side, field or residual at one row, for up to [`LANES`] terminals at once.
+/// A field or its charges at one row, for up to [`LANES`] terminals at once, as [`StiffnessMatrix::apply`] takes them.
 pub type Lane = [f64; LANES];
 
-/// Number of columns that advance together.
+/// Number of columns that are multiplied together.
 pub const LANES: usize = 4;
 
 /// The stiffness matrix. Rows 0..nodes are nodes, then come those of the network's electrodes, then objects, as many as

@@ -54,6 +54,9 @@ fn too_few_iterations_are_told_with_the_error_they_leave() {
         let most = (1..).find(|&most| build(most).is_ok()).unwrap();
         let SimulatorError::Solve(error) = build(most - 1).unwrap_err() else { panic!("another error") };
         assert!(matches!(error, SolveError::NotConverged { iterations, .. } if iterations == most - 1));
+        // Before the first step, nothing is known.
+        let unknown = SolveError::NotConverged { iterations: 0, relative_error: 1.0, tolerance: 1e-8 };
+        assert_eq!(build(0).unwrap_err(), SimulatorError::Solve(unknown));
         let mut simulator = build(most).unwrap();
         let SolveError::NotConverged { iterations, relative_error, tolerance } =
             solve_error(&mut simulator, &hard)

@@ -12,11 +12,11 @@ use capsense_core::occupancy::DepthLayers;
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 
-const TOLERANCES: [f64; 5] = [1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
+const TOLERANCES: [f64; 7] = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8];
 
 /// True errors in units of the tolerance, for each of [`TOLERANCES`].
 #[derive(Default)]
-struct Errors([Vec<f64>; 5]);
+struct Errors([Vec<f64>; TOLERANCES.len()]);
 
 impl Errors {
     /// Runs frames with all tolerances and with the oracle.

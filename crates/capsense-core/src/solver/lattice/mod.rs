@@ -203,7 +203,7 @@ impl LatticeSolver {
     }
 
     /// Stores potentials in another precision.
-    pub(crate) fn change_precision(&mut self, matrix: &StiffnessMatrix) {
+    pub(crate) fn switch_precision(&mut self, matrix: &StiffnessMatrix) {
         self.drop_increment();
         let (of_nodes, layout) = (self.of_nodes, self.layout);
         let slabs = Blocks::tasks(self.parts.slabs.len());

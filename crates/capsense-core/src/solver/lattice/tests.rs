@@ -224,7 +224,7 @@ fn the_residual_of_changed_rows_is_that_computed_everywhere() {
         let mut scene = Scene::new();
         scene.solve(1e-3);
         if single {
-            scene.solver.change_precision(&scene.matrix);
+            scene.solver.switch_precision(&scene.matrix);
         }
         scene.solver.evaluate();
         for corner in [0.1, 0.12, 0.4, 0.44] {
@@ -254,7 +254,7 @@ fn relaxed_nodes_are_followed_in_any_number_of_columns() {
         scene.solver.evaluate();
         for (corner, single) in [(0.1, false), (0.15, true), (0.2, true)] {
             if single && !scene.solver.is_single() {
-                scene.solver.change_precision(&scene.matrix);
+                scene.solver.switch_precision(&scene.matrix);
                 scene.solver.evaluate();
             }
             let potentials = |scene: &Scene| -> Vec<f64> {
@@ -300,7 +300,7 @@ fn nodes_whose_rows_changed_are_relaxed() {
         scene.step(0.1);
         scene.solve(1e-9);
         if single {
-            scene.solver.change_precision(&scene.matrix);
+            scene.solver.switch_precision(&scene.matrix);
         }
         scene.solver.evaluate();
         for corner in [0.12, 0.16, 0.2] {
@@ -362,7 +362,7 @@ fn single_precision_changes_energies_by_little() {
     scene.step(0.2);
     scene.solve(1e-12);
     let exact = scene.solver.state().energies.clone();
-    scene.solver.change_precision(&scene.matrix);
+    scene.solver.switch_precision(&scene.matrix);
     scene.solver.evaluate();
     assert!(scene.solver.is_single());
     let own = error_of_energies(&scene);
@@ -370,7 +370,7 @@ fn single_precision_changes_energies_by_little() {
     for (single, double) in scene.solver.state().energies.iter().zip(&exact) {
         assert!((single - double).abs() < 1e-7 * exact[0], "{single} {double}");
     }
-    scene.solver.change_precision(&scene.matrix);
+    scene.solver.switch_precision(&scene.matrix);
     scene.solver.evaluate();
     let of_rounded = error_of_energies(&scene);
     assert!(of_rounded < 1e-12, "{of_rounded}");
@@ -383,7 +383,7 @@ fn a_step_behind_the_cycle_has_the_bits_of_one_after_it() {
     let after = |together: bool| {
         let mut scene = Scene::new();
         scene.step(0.2);
-        scene.solver.change_precision(&scene.matrix);
+        scene.solver.switch_precision(&scene.matrix);
         scene.solver.evaluate();
         let active = [true; COLUMNS];
         scene.solver.descend(&active);

@@ -10,7 +10,7 @@ fn going_ahead_is_as_good_as_moving_the_fields() {
     for has_islands in [false, true] {
         let mut scene = Scene::new();
         scene.step(0.3);
-        scene.solver.change_precision(&scene.matrix);
+        scene.solver.switch_precision(&scene.matrix);
         scene.solve(1e-4);
         let active = [true; COLUMNS];
         let step = |scene: &mut Scene, corner: f64| {
@@ -64,7 +64,7 @@ fn going_ahead_is_as_good_as_moving_the_fields() {
 fn the_last_change_is_all_that_fields_changed_by() {
     let mut scene = Scene::new();
     scene.step(0.3);
-    scene.solver.change_precision(&scene.matrix);
+    scene.solver.switch_precision(&scene.matrix);
     scene.solve(1e-4);
     let active = [true; COLUMNS];
     let step = |scene: &mut Scene| {
@@ -108,7 +108,7 @@ fn the_last_change_is_all_that_fields_changed_by() {
 #[test]
 fn coarse_networks_wait_for_what_changes_little() {
     let mut scene = Scene::new();
-    scene.solver.change_precision(&scene.matrix);
+    scene.solver.switch_precision(&scene.matrix);
     scene.solve(1e-4);
     let (network, all) = (scene.matrix.network().clone(), (0..scene.nodes.len() as u32).collect::<Vec<_>>());
     let times = |factor: f64| {
