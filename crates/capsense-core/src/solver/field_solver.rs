@@ -416,7 +416,10 @@ impl FieldSolver {
         let Self { vectors, iteration, demand, .. } = self;
         match vectors {
             Vectors::Lattice(fields) => improve(fields.as_mut(), lost, iteration, demand, options),
-            Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options),
+            Vectors::Csr(fields) => improve(fields, lost, iteration, demand, options).map_err(|error| {
+                // Without factors the iteration takes the matrix for an indefinite one.
+                fields.failure().map_or(error, |reason| SolveError::Factorisation { reason })
+            }),
             Vectors::Remote(_) => Ok(SolveReport::default()),
         }
     }

@@ -163,6 +163,12 @@ pub enum SolveError {
         /// The quadratic form that should have been positive.
         curvature: f64,
     },
+    /// The exact preconditioner could not be made.
+    #[error("the stiffness matrix cannot be factorised: {reason}")]
+    Factorisation {
+        /// What is lacking.
+        reason: &'static str,
+    },
     /// A number overflowed or was not a number.
     #[error("the solution of column {column} is not finite in iteration {iteration}")]
     NonFinite {
@@ -187,7 +193,7 @@ impl SolveError {
                 *iterations += steps
             }
             Self::Indefinite { iteration, .. } | Self::NonFinite { iteration, .. } => *iteration += steps,
-            Self::Device { .. } => {}
+            Self::Factorisation { .. } | Self::Device { .. } => {}
         }
         self
     }

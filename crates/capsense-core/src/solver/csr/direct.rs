@@ -3,8 +3,9 @@
 //! Fixed rows stay in the matrix as rows of the identity, so that its pattern never changes and is analysed once.
 
 use super::rows::Rows;
+use faer::sparse::linalg::LltError;
 use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
 use faer::{Mat, Side, linalg::solvers::Solve};
 
 /// The lower half of K by columns, and its factors.
@@ -14,9 +15,10 @@ pub(super) struct Direct {
     /// Which entry of the rows each value is; [`DIAGONAL`] on the diagonal.
     sources: Vec<u32>,
     values: Vec<f64>,
-    /// Neither where the pattern has no factorisation (it is too large), nor where K is not positive definite.
-    symbolic: Option<SymbolicLlt<u32>>,
+    symbolic: Result<SymbolicLlt<u32>, FaerError>,
+    /// None where K is not positive definite, or the factorisation is too large.
     factors: Option<Llt<u32, f64>>,
+    failure: Option<FaerError>,
 }
 
 /// No entry, but the diagonal.
@@ -41,15 +43,18 @@ impl Direct {
             offsets.push(numbers.len() as u32);
         }
         let pattern = SymbolicSparseColMat::new_checked(nodes, nodes, offsets, None, numbers);
-        let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower).ok();
-        Self { values: vec![0.0; sources.len()], pattern, sources, symbolic, factors: None }
+        let symbolic = SymbolicLlt::try_new(pattern.as_ref(), Side::Lower);
+        Self { values: vec![0.0; sources.len()], pattern, sources, symbolic, factors: None, failure: None }
     }
 
     /// Factorises anew where anything changed.
     pub(super) fn refresh(&mut self, rows: &Rows) {
-        if rows.changed().is_empty() {
-            return;
+        if !rows.changed().is_empty() {
+            self.factorise(rows);
         }
+    }
+
+    fn factorise(&mut self, rows: &Rows) {
         let fixed = rows.fixed();
         let mut entry = 0;
         for column in 0..rows.len() {
@@ -65,13 +70,32 @@ impl Direct {
             }
         }
         let matrix = SparseColMatRef::new(self.pattern.as_ref(), self.values.as_slice());
-        self.factors = self
-            .symbolic
-            .clone()
-            .and_then(|symbolic| Llt::try_new_with_symbolic(symbolic, matrix, Side::Lower).ok());
+        let symbolic = self.symbolic.clone().map_err(LltError::Generic);
+        let factors = symbolic.and_then(|symbolic| Llt::try_new_with_symbolic(symbolic, matrix, Side::Lower));
+        self.failure = match &factors {
+            Err(LltError::Generic(failure)) => Some(*failure),
+            Ok(_) | Err(LltError::Numeric(_)) => None,
+        };
+        self.factors = factors.ok();
     }
 
-    /// z = K⁻¹ (-kx), zero on fixed rows, and the columns' zᵀ(-kx). Where K is not positive definite z is kx, which the
+    /// As if there were no memory.
+    #[cfg(test)]
+    pub(super) fn run_out_of_memory(&mut self, rows: &Rows) {
+        self.symbolic = Err(FaerError::OutOfMemory);
+        self.factorise(rows);
+    }
+
+    /// Why there are no factors, if it is not K itself.
+    pub(super) fn failure(&self) -> Option<&'static str> {
+        self.failure.map(|failure| match failure {
+            FaerError::IndexOverflow => "its factors have too many entries",
+            FaerError::OutOfMemory => "there is not enough memory for its factors",
+            _ => "its factors could not be made",
+        })
+    }
+
+    /// z = K⁻¹ (-kx), zero on fixed rows, and the columns' zᵀ(-kx). Without factors z is kx, which the
     /// iteration knows by the negative products.
     pub(super) fn apply<const L: usize>(&self, rows: &Rows, kx: &[[f64; L]], z: &mut [[f64; L]]) -> [f64; L] {
         let fixed = rows.fixed();
@@ -90,6 +114,7 @@ impl Direct {
         }
         products
     }
+
     /// K⁻¹ between some free rows, by columns; `None` where K is not positive definite.
     pub(super) fn inverse(&self, some: &[usize]) -> Option<Vec<f64>> {
         /// Columns that are solved for together.

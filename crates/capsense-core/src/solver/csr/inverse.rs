@@ -119,6 +119,22 @@ impl<const L: usize> Inverse<L> {
         }
     }
 
+    /// As if there were no memory for an exact one.
+    #[cfg(test)]
+    pub(super) fn run_out_of_memory(&mut self, rows: &Rows) {
+        if let Kind::Direct(direct) = &mut self.kind {
+            direct.run_out_of_memory(rows);
+        }
+    }
+
+    /// Why the exact inverse could not be made, if it is not the matrix itself.
+    pub(super) fn failure(&self) -> Option<&'static str> {
+        match &self.kind {
+            Kind::Direct(direct) => direct.failure(),
+            _ => None,
+        }
+    }
+
     /// The first half of a cycle on the residuals r of one group, and what it gains; of other approximations, whose fields
     /// must not be ahead, z = M r, and of each column zᵀr. Σ r² over free rows too where it is new.
     pub(super) fn descend(

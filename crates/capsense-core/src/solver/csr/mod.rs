@@ -153,6 +153,11 @@ impl CsrSolver {
         })
     }
 
+    /// Why the matrix could not be factorised, if that is what the preconditioner does and the matrix is not to blame.
+    pub(crate) fn failure(&self) -> Option<&'static str> {
+        for_width!(self, of => of.inverse.failure())
+    }
+
     /// Tells the inverse of the rows that changed. An iteration does that by itself.
     pub(crate) fn refresh_inverse(&mut self) {
         for_width!(self, of => of.refresh_inverse());

@@ -432,3 +432,17 @@ fn an_indefinite_matrix_shows() {
     solver.descend(&[true; 2]);
     assert!(solver.gains.iter().step_by(3).all(|&gain| gain < 0.0));
 }
+
+/// Without factors an iteration would take the matrix for an indefinite one.
+#[test]
+fn what_cannot_be_factorised_is_told() {
+    let scene = Scene::new(2_000);
+    let mut solver = scene.solver_of_four(2, Preconditioner::Direct, 1);
+    assert_eq!(solver.inverse.failure(), None);
+    let Solver { inverse, rows, .. } = &mut *solver;
+    inverse.run_out_of_memory(rows);
+    let mut solver = CsrSolver::Four(solver);
+    assert_eq!(solver.failure(), Some("there is not enough memory for its factors"));
+    solver.descend(&[true; 2]);
+    assert!(solver.gains()[0] < 0.0, "{}", solver.gains()[0]);
+}
