@@ -102,7 +102,12 @@ pub(super) fn electrode(
         let corner = |(index, corner): (usize, &Tuple<f64, 2>)| {
             check.finite2(&format!("{key}.polygon[{index}]"), **corner)
         };
-        Outline::Polygon(polygon.iter().enumerate().map(corner).collect::<Result<_, _>>()?)
+        let mut corners = polygon.iter().enumerate().map(corner).collect::<Result<Vec<_>, _>>()?;
+        // Some close an outline by its first corner.
+        corners.pop_if(|last| {
+            polygon.len() > 3 && polygon.first().is_some_and(|first| **first == last.to_array())
+        });
+        Outline::Polygon(corners)
     } else {
         return Ok(None);
     };

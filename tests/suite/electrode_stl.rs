@@ -72,6 +72,7 @@ fn a_rectangle_is_the_same_sensor_however_it_is_given() {
     let capacitances = base(expected.clone());
     for shape in [
         "polygon = [[-0.08, -0.05], [-0.02, -0.05], [-0.02, 0.05], [-0.08, 0.05]]",
+        "polygon = [[-0.08, -0.05], [-0.02, -0.05], [-0.02, 0.05], [-0.08, 0.05], [-0.08, -0.05]]",
         "stl = \"sheet.stl\"\nunit = \"mm\"",
         "stl = \"plate.STL\"\nunit = \"mm\"",
         "stl = \"high.stl\"\nunit = \"mm\"\nz = 0.0",

@@ -153,6 +153,16 @@ fn obj_files() {
     assert_eq!(bounds(&mesh), Aabb { min: DVec3::ZERO, max: DVec3::new(6.0, 1.0, 1.0) });
 }
 
+/// In single precision 0.08 is 0.0799999982.
+#[test]
+fn coordinates_are_the_decimals_that_were_meant() {
+    let folder = Folder::new();
+    let mesh = load(&folder.write("a.obj", obj().replace("v 1 0 0", "v 0.08 0 0")));
+    assert!(mesh.vertices().iter().any(|vertex| vertex.x == 0.08), "{:?}", mesh.vertices());
+    let mesh = load(&folder.write("a.stl", stl_binary("made by a test", 0.08)));
+    assert!(mesh.vertices().iter().any(|vertex| vertex.x == 0.08), "{:?}", mesh.vertices());
+}
+
 #[test]
 fn stl_files() {
     let folder = Folder::new();

@@ -120,7 +120,10 @@ pub fn load_mesh(path: impl AsRef<Path>, unit: LengthUnit) -> Result<TriangleMes
     })
 }
 
-/// Three single-precision coordinates as a point.
+/// Three single-precision coordinates as a point. The shortest decimals that stand for them are what was meant: 0.08, not
+/// 0.0799999982, so that a face in a plane of the lattice is in it.
 fn point(coordinates: [f32; 3]) -> DVec3 {
-    DVec3::from_array(coordinates.map(f64::from))
+    DVec3::from_array(
+        coordinates.map(|coordinate| coordinate.to_string().parse().unwrap_or(f64::from(coordinate))),
+    )
 }
