@@ -16,7 +16,7 @@ const MOST_ELEMENTS: usize = 20_000_000;
 
 /// Numbers of tetrahedra that are tried where too few were asked for: by which factor they follow each other, and how far.
 const NEXT_TRIED: f64 = 1.2;
-const LAST_TRIED: usize = 1_000_000;
+const LAST_TRIED: usize = 200_000;
 
 /// A mesh to be made for the sensor.
 #[derive(Clone, Debug, PartialEq)]
