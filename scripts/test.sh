@@ -45,6 +45,9 @@ section "Tests"
 export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-1}"
 # Tests run side by side, as many as there are cores; those that are about threads ask for some.
 RAYON_NUM_THREADS=1 cargo test --workspace --locked
+if ! "${CAPSENSE_PYTHON:-python3}" -c "import gmsh, meshio" >/dev/null 2>&1; then
+    echo "Gmsh and meshio did not read our meshes, as they are not there; docs/scene.md says how to have them."
+fi
 
 section "Benches, one pass each"
 # As tests are compiled: building all that they use once more would take longer than they do.

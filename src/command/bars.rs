@@ -102,10 +102,10 @@ impl BarLog {
     pub(super) fn summary(&self) -> Option<String> {
         let estimator = self.estimator.as_ref()?;
         Some(format!(
-            "Errors: the largest bars of {} frames, told in every {}th on a mesh of {} tetrahedra; \
+            "Errors: the largest error bars, told once in {} frames, {} in all, on a mesh of {} tetrahedra; \
              nine of ten errors are smaller\n",
-            self.told.len(),
             estimator.every(),
+            self.told.len(),
             estimator.mesh().tets().len()
         ))
     }

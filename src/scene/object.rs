@@ -24,11 +24,13 @@ pub struct SceneObject {
 }
 
 impl SceneObject {
-    /// Whether the smallest ball around the object reaches into the domain at any of some times.
+    /// Whether a ball around the object reaches into the domain at any of some times.
     pub(super) fn meets(&self, domain: &Aabb, mut times: impl Iterator<Item = f64>) -> bool {
-        let reach = DVec3::splat(self.shape.bounding_radius());
+        let (centre, radius) = self.shape.bounding_ball();
+        let reach = DVec3::splat(radius);
         times.any(|time| {
-            let place = self.motion.pose_at(time).translation;
+            let pose = self.motion.pose_at(time);
+            let place = pose.translation + pose.rotation * centre;
             domain.intersects(&Aabb { min: place - reach, max: place + reach })
         })
     }

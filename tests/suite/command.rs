@@ -36,7 +36,9 @@ fn run_writes_curves_table_and_report() {
     write_scene(folder.path());
     let outcome = capsense(folder.path(), &["run", "scene.toml", "--out", "results"]);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
-    assert!(outcome.stdout.contains("E1 E2") && outcome.stdout.contains("5 frames"), "{}", outcome.stdout);
+    for text in ["E1 E2", "5 frames", "the largest error bars, told once in "] {
+        assert!(outcome.stdout.contains(text), "`{text}` is missing in:\n{}", outcome.stdout);
+    }
     let out = folder.path().join("results");
     let mut names: Vec<_> =
         std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
@@ -348,6 +350,7 @@ fn mesh_info_describes_a_mesh() {
         "\"outer_ground\" 640 triangles",
         "\"plate\" 8 triangles",
         "\"air\" 3072 tetrahedra",
+        "Tetrahedra by their smallest dihedral angle: 0° to 10° 0 10° to 20° 0 20° to 30° 0 30° to 40°",
         "128 of 768 boundary faces are in no group",
     ] {
         assert!(words.contains(text), "`{text}` is missing in:\n{}", outcome.stdout);

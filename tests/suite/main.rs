@@ -19,6 +19,7 @@ mod gmsh_interop;
 mod gmsh_mended;
 mod gmsh_read;
 mod gmsh_refusals;
+mod gmsh_scene;
 mod gmsh_write;
 mod measurement;
 mod readme;

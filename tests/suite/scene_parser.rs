@@ -143,6 +143,16 @@ fn an_object_that_never_enters_is_warned_of() {
     let scene = SCENE.replace("[[-0.1, 0.0, 0.1], [0.1, 0.0, 0.1]]", "[[-0.1, 0.0, 10.0], [0.1, 0.0, 10.0]]");
     let scene = Scene::parse("scene.toml", &scene, Path::new("")).unwrap();
     assert_eq!(scene.warnings, ["scene.toml: object `bar` never enters the domain"]);
+    // Nor does a mesh that is far from its origin.
+    let folder = tempfile::tempdir().unwrap();
+    let far = "v 5 0 0\nv 5.1 0 0\nv 5 0.1 0\nv 5 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+    let warnings = |offset: &str| {
+        std::fs::write(folder.path().join("far.obj"), far.replace("v 5", &format!("v {offset}"))).unwrap();
+        let scene = SCENE.replace("box = { size = [0.15, 0.15, 0.04] }", "file = \"far.obj\"");
+        Scene::parse("scene.toml", &scene, folder.path()).unwrap().warnings
+    };
+    assert_eq!(warnings("5"), ["scene.toml: object `bar` never enters the domain"]);
+    assert_eq!(warnings("0"), Vec::<String>::new());
 }
 
 #[test]

@@ -185,4 +185,13 @@ impl Shape {
             Self::Mesh(mesh) => mesh.vertices().iter().map(|v| v.length()).fold(0.0, f64::max),
         }
     }
+
+    /// The centre, from the object's origin, and the radius of a ball that holds the shape, around the box of a mesh that may be far from
+    /// its origin.
+    pub fn bounding_ball(&self) -> (DVec3, f64) {
+        let Self::Mesh(mesh) = self else { return (DVec3::ZERO, self.bounding_radius()) };
+        let bounds = Aabb::around(mesh.vertices().iter().copied());
+        let centre = 0.5 * (bounds.min + bounds.max);
+        (centre, mesh.vertices().iter().map(|v| v.distance(centre)).fold(0.0, f64::max))
+    }
 }

@@ -62,7 +62,7 @@ const RADIUS: f64 = 0.2;
 const TOLERANCES: [f64; 2] = [1.0, 2.5];
 
 /// What is weighed for some places and chosen for them is less exact elsewhere, by about a sixth; but for lattices of more tetrahedra than are
-/// [`COMPARED`]: of three of a size none is the best by chance.
+/// [`COMPARED`]: of five of a size none is the best of many by chance.
 const MARGIN: f64 = 0.85;
 
 /// A mesh is given up as soon as the mean error, that of C without bodies among them, is so many times the tolerance at least: then one of

@@ -97,12 +97,18 @@ fn rims_over_shields_know_how_far_neighbours_are() {
 fn lattices_to_choose_from_differ_and_keep_what_must_be_planes() {
     let board = Substrate { thickness: 0.003, size: DVec2::new(0.15, 0.09), ..shielded_board() };
     let bounds = board.bounds();
-    let design = SensorDesign { substrate: Some(board), ..squares_across() };
-    let lattices = design.varied_lattices(28_000).unwrap();
-    assert!(lattices.len() > 10, "{}", lattices.len());
-    for (k, lattice) in lattices.iter().enumerate() {
-        assert!(lattice.tet_count() <= 28_000);
-        assert!(!lattices[..k].contains(lattice), "{k}");
+    let mut design = SensorDesign { substrate: Some(board), ..squares_across() };
+    design.electrodes[1].z = 0.004;
+    let varied = design.varied_lattices(28_000).unwrap();
+    assert!(varied.len() > 10, "{}", varied.len());
+    let lower = design.lattices_of_lower_layers(300_000).unwrap();
+    let sized =
+        |lattices: &[Lattice], most: usize| lattices.iter().all(|lattice| lattice.tet_count() <= most);
+    assert!(sized(&varied, 28_000) && sized(&lower, 300_000));
+    let lattices: Vec<_> = varied.iter().chain(&lower).collect();
+    for (k, &lattice) in lattices.iter().enumerate() {
+        assert!(!lattices[..k].contains(&lattice), "{k}");
+        assert!(lattice.axes()[2].iter().any(|plane| (plane - 0.004).abs() < 1e-12), "{k}");
         for axis in 0..3 {
             let planes = &lattice.axes()[axis];
             let must_be = [bounds.min[axis], bounds.max[axis]];
