@@ -111,8 +111,12 @@ fn frames_allocate_nothing() {
     assert_eq!([by_solids_off_lattice, by_camera_off_lattice], [[0; 2]; 2], "off the lattice");
     // Of such permittivity that bodies have directions of their own, one within the other.
     let strong = [grounded, dielectric(1e6)];
+    let large = |frame: usize| {
+        let low = DVec3::new(-0.08, -0.08 + shift(frame), 0.1);
+        depth_of_boxes([64, 64], &[bar(0.03, 0.0), Aabb { min: low, max: low + DVec3::splat(0.16) }])
+    };
     let [on_lattice, off_lattice] = [lattice(), with_moved_nodes(&lattice())]
-        .map(|sensor| allocations(sensor, Preconditioner::Multigrid, &strong, camera));
+        .map(|sensor| allocations(sensor, Preconditioner::Multigrid, &strong, large));
     assert_eq!([on_lattice, off_lattice], [[0; 2]; 2], "strong dielectrics");
     // Small enough for the Green's function: what is dense is solved in the update.
     let small = |frame: usize| {
