@@ -109,7 +109,7 @@ fn frames_allocate_nothing() {
     let by_camera_off_lattice =
         allocations(off_lattice, Preconditioner::Multigrid, &[grounded, dielectric(4.0)], camera);
     assert_eq!([by_solids_off_lattice, by_camera_off_lattice], [[0; 2]; 2], "off the lattice");
-    // Of such permittivity that bodies have directions of their own, one within the other.
+    // Of such permittivity that the body has a direction of its own.
     let strong = [grounded, dielectric(1e6)];
     let large = |frame: usize| {
         let low = DVec3::new(-0.08, -0.08 + shift(frame), 0.1);
