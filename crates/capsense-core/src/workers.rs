@@ -136,17 +136,16 @@ impl Workers {
         work: impl Fn(T) + Sync,
     ) {
         let Some(team) = self.team.as_deref() else { return tasks.for_each(work) };
-        while let Some(own) = tasks.next() {
-            let Some(other) = tasks.next() else { return work(own) };
+        let Some(mut own) = tasks.next() else { return };
+        while let Some(other) = tasks.next() {
             // Helpers may become idle from task to task.
             let helpers = team.claim(usize::MAX);
-            if helpers == 0 {
-                work(own);
-                work(other);
-                continue;
+            if helpers > 0 {
+                return team.share_tasks(helpers, || work(own), std::iter::once(other).chain(tasks), &work);
             }
-            return team.share_tasks(helpers, || work(own), std::iter::once(other).chain(tasks), &work);
+            work(std::mem::replace(&mut own, other));
         }
+        work(own);
     }
 }
 

@@ -22,7 +22,7 @@ const LEAST_GAIN: f64 = 3e-5;
 const FEW: usize = 4;
 
 /// Of the rows that changed, the first region has so many in eight: the thread that has the second one has something else to do.
-const OF_FIRST_REGION: usize = 5;
+const OF_FIRST_REGION: usize = 7;
 
 /// Rows that were relaxed since fields took their last step.
 #[derive(Clone, Debug)]

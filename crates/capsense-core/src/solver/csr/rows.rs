@@ -12,7 +12,7 @@ use std::sync::Arc;
 pub(super) const STRIP: usize = 256;
 
 /// Changed rows that a thread takes at a time.
-pub(super) const ROWS_OF_A_TASK: usize = 256;
+pub(super) const ROWS_OF_A_TASK: usize = 64;
 
 /// The rows of all nodes: a Laplacian of weights, and its links to objects.
 #[derive(Clone, Debug)]
