@@ -191,7 +191,7 @@ impl Sight<'_> {
     /// Whether surfaces may cut an edge another way than before though only what is around it differs.
     #[inline]
     fn cuts_anew(&self, known: &KnownEdges<'_>, edge: usize) -> bool {
-        self.scene.has_weak || self.scene.has_camera_walls || known.is_met(edge)
+        self.scene.has_lines || self.scene.has_camera_walls || known.is_met(edge)
     }
 
     /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries.
@@ -226,29 +226,41 @@ impl Room {
         if !spans.is_empty() && scene.is_at_electrode(ends) {
             note_contacts(scene, (edge, ends), spans, contacts);
         }
-        let parallel = scene.has_weak.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
-        if let Some(through) = parallel.flatten() {
-            let coupling = Coupling::only_through(through);
+        let lines = scene.has_lines.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        if let Some(lines) = lines.flatten() {
+            let coupling = Coupling::only_through(self.on_strong(sight, (edge, ends), lines));
             return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };
         }
         let filled = Filled::first_of(spans, scene.materials);
-        let in_face = (scene.has_faces && is_free).then(|| scene.in_face(edge, spans, beside, breaks));
-        let in_face = in_face.flatten();
-        let mut is_met = in_face.is_some() || !spans.is_empty() || !is_free;
-        let cut = match in_face {
-            Some(through) => Coupling::only_through(through),
-            None => {
-                let background = scene.mesh.permittivity.at(edge);
-                let rule = EdgeRule { owners, spans, materials: scene.materials, background };
-                let mut cut = rule.coupling(breaks);
-                if scene.has_camera_walls {
-                    cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
-                    is_met |= cut != Coupling::PLAIN;
-                }
-                cut
-            }
-        };
+        let mut is_met = !spans.is_empty() || !is_free;
+        let background = scene.mesh.permittivity.at(edge);
+        let rule = EdgeRule { owners, spans, materials: scene.materials, background };
+        let mut cut = rule.coupling(breaks);
+        if scene.has_camera_walls {
+            cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
+            is_met |= cut != Coupling::PLAIN;
+        }
         Found { ends, coupling: self.look_around(sight, (edge, ends), owners, cut), filled, is_met }
+    }
+
+    /// What an edge on which dielectrics are is, its spans being those found last, of which lines tell the more the weaker they are.
+    #[inline]
+    fn on_strong(
+        &mut self,
+        Sight { scene, wedges, .. }: Sight<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        lines: f64,
+    ) -> f64 {
+        let Self { spans, beside, breaks, row, .. } = self;
+        let Some((number, strength)) = scene.strongest(spans, scene.mesh.permittivity.at(edge)) else {
+            return lines;
+        };
+        let star = wedges.star(ends[0] as usize, row);
+        let past_walls = vectorised(
+            #[inline(always)]
+            || scene.past_walls((edge, &star), spans, number, beside, breaks),
+        );
+        lines + strength * (past_walls - lines)
     }
 
     /// What the edge rule makes of an edge, its spans being those found last, and what is around it.

@@ -4,7 +4,7 @@
 use super::EdgeGeometry;
 use super::changes::Changes;
 use super::index_set::IndexSet;
-use super::parallel::in_face_distance;
+use super::parallel::Beside;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, for_lattice_edges};
 use crate::workers::Workers;
@@ -14,17 +14,6 @@ const REGIONS_OF_A_TASK: usize = 8;
 
 /// Sets for each thread, as some regions have more edges and some threads come later.
 const TASKS_OF_A_THREAD: usize = 2;
-
-/// What counts beside an edge of a lattice.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Beside {
-    #[default]
-    Nothing,
-    /// Faces in which the edge lies.
-    Faces,
-    /// All up to half-way to the next edges.
-    HalfWay,
-}
 
 /// A set of edges, in the making one for each task.
 #[derive(Clone, Debug, Default)]
@@ -50,15 +39,14 @@ impl EdgesNear {
     ) {
         match mesh.edges {
             Edges::Lattice(lattice) => {
-                let distance = in_face_distance(lattice);
                 self.share(workers, changes.regions(), |at, region, set| {
                     let (planes, mut mark) = (&changes.planes()[at], |edge| set.insert(edge));
                     match beside {
-                        Beside::Nothing => for_lattice_edges(lattice, planes, |edge, _| mark(edge)),
-                        Beside::Faces => lattice.for_edges_reaching(region, planes, |_| distance, mark),
+                        Beside::Nowhere => for_lattice_edges(lattice, planes, |edge, _| mark(edge)),
                         Beside::HalfWay => {
                             lattice.for_edges_reaching(region, planes, |way| 0.5 * way, mark);
                         }
+                        Beside::ToNext => lattice.for_edges_reaching(region, planes, |way| way, mark),
                     }
                 });
             }

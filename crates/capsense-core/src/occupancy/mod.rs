@@ -46,7 +46,7 @@ use crate::workers::Workers;
 use camera_wall::CameraWalls;
 use changes::Changes;
 use edges_anew::{EdgesAnew, Sight};
-use edges_near::{Beside, EdgesNear};
+use edges_near::EdgesNear;
 use elements::Elements;
 use filled::Filled;
 pub(crate) use gaps::Gap;
@@ -54,6 +54,7 @@ use gaps::Gaps;
 use glam::DVec3;
 use index_set::IndexSet;
 use near_field::Wedges;
+use parallel::Beside;
 use replaced::{KnownEdges, Replaced};
 use scene::Scene;
 use sorted::SortedList;
@@ -264,10 +265,9 @@ impl Occupancy {
         self.start_frame();
         self.changes.find(&mesh, materials, surfaces);
         let (changes, cells) = (std::mem::take(&mut self.changes), std::mem::take(&mut self.cells));
-        let has_weak = parallel::is_of_use(mesh.edges, materials);
+        let beside = parallel::reach(mesh.edges, materials, surfaces.are_exact());
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
         let (bounds, fields) = (changes.bounds(), changes.fields());
-        let has_faces = parallel::may_hold_edges(mesh.edges, materials, surfaces);
         let has_camera_walls = camera_wall::is_of_use(mesh.edges, materials, surfaces);
         let scene = Scene {
             mesh,
@@ -276,16 +276,10 @@ impl Occupancy {
             bounds,
             fields,
             cells: cells.as_ref(),
-            has_weak,
+            has_lines: beside != Beside::Nowhere,
             has_silhouettes,
-            has_faces,
             has_camera_walls,
             has_open_wall: self.has_open_wall,
-        };
-        let beside = match (has_weak, has_faces) {
-            (true, _) => Beside::HalfWay,
-            (_, true) => Beside::Faces,
-            _ => Beside::Nothing,
         };
         let dependence = self.scratch.depend(beside, has_camera_walls);
         if let Some(mut elements) = self.elements.take() {

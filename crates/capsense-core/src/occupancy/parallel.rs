@@ -1,8 +1,8 @@
-//! Weak dielectrics on a lattice: the edge rule along parallel lines.
+//! Dielectrics on a lattice: the edge rule along parallel lines.
 //!
-//! An edge of a lattice carries the field of a box around it, up to half-way to its neighbours. The field of a strongly
-//! polarisable body is normal to its surface, and the edge alone tells what is in series along it. A weak body lets most
-//! of the field pass along its surface as well, where what is beside each other adds up. So there the edge's box is
+//! An edge of a lattice carries the field of a box around it, up to half-way to its neighbours. The edge alone tells what is in
+//! series along it, but a dielectric lets the field pass along its surface as well, where what is beside each other adds up. So the
+//! edge's box is
 //! taken as sixteen lines side by side, four in each quarter of the box that lies in one of the cells around the edge: along each
 //! line the parts are capacitors in series, and the lines are parallel capacitors, each with its share of the cross-section.
 //! This lies between the harmonic and the arithmetic mean over the box, and where the surface is normal to the edge, or along
@@ -19,48 +19,58 @@
 //! A quarter lies in one cell, and what a body there takes the place of is the background of that cell: around edges in the faces of a
 //! board it is not the same in all four.
 //!
-//! Of strong dielectrics, only edges that lie exactly in a flat face are taken along lines: without, all the box of such an
-//! edge would be outside, and a body that stands on electrodes would miss half of the field along its face.
+//! What is different for strong dielectrics is in [`strong`]. Those that a camera sees are left to the edge rule and to
+//! [`super::camera_wall`].
 
 mod quarter;
+mod strong;
 
 use super::coupling::{EdgeRule, past_one};
 use super::scene::is_electrode;
-use super::{LayersWithin, NO_OBJECT, Scene, Side, Span, Surfaces};
+use super::{LayersWithin, NO_OBJECT, Scene, Side, Span};
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Edges, Lattice};
-use glam::DVec3;
+use crate::mesh::Edges;
 use quarter::{BodyLines, LINES, Quarter, quarters};
+use strong::PassedBy;
 
 /// Dielectrics below this relative permittivity are weak.
 pub(super) const WEAK: f64 = 10.0;
 
-/// Whether the rule is of use for some object.
-pub(super) fn is_of_use(edges: &Edges, materials: &[Material]) -> bool {
-    matches!(edges, Edges::Lattice(_)) && materials.iter().any(is_weak)
+/// How far beside an edge of a lattice dielectrics count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Beside {
+    /// Nowhere: only what is on the edge.
+    #[default]
+    Nowhere,
+    /// Up to half-way to the next edges.
+    HalfWay,
+    /// Up to the next edges.
+    ToNext,
+}
+
+/// How far beside edges these materials count.
+pub(super) fn reach(edges: &Edges, materials: &[Material], are_exact: bool) -> Beside {
+    let of_material = |material: &Material| match is_lined(material, are_exact) {
+        true if is_weak(material) => Beside::HalfWay,
+        true => Beside::ToNext,
+        false => Beside::Nowhere,
+    };
+    let is_lattice = matches!(edges, Edges::Lattice(_));
+    materials.iter().filter(|_| is_lattice).map(of_material).max().unwrap_or_default()
 }
 
 pub(super) fn is_weak(material: &Material) -> bool {
     matches!(material, Material::Dielectric(permittivity) if permittivity.value() < WEAK)
 }
 
-/// Whether a face of some strong dielectric may hold edges of a lattice.
-pub(super) fn may_hold_edges(edges: &Edges, materials: &[Material], surfaces: &dyn Surfaces) -> bool {
-    let is_strong = |material: &Material| matches!(material, Material::Dielectric(_)) && !is_weak(material);
-    matches!(edges, Edges::Lattice(_)) && surfaces.are_exact() && materials.iter().any(is_strong)
+/// Whether a body of a material is taken along lines, if its surface is known exactly or not.
+pub(super) fn is_lined(material: &Material, is_exact: bool) -> bool {
+    is_weak(material) || is_exact && matches!(material, Material::Dielectric(_))
 }
 
 /// Electrodes are across this axis.
 const ELECTRODE_NORMAL: usize = 2;
-
-/// Edges nearer to a face than this part of the lattice's size lie in it: far above rounding, far below any spacing.
-const IN_FACE: f64 = 1e-9;
-
-pub(super) fn in_face_distance(lattice: &Lattice) -> f64 {
-    let size = |planes: &Vec<f64>| planes[planes.len() - 1] - planes[0];
-    IN_FACE * lattice.axes().iter().map(size).fold(0.0, f64::max)
-}
 
 /// How dielectrics fill a part of space.
 enum Filling {
@@ -75,8 +85,8 @@ enum Filling {
 }
 
 impl Scene<'_> {
-    /// What multiplies the weight of an edge that weak dielectrics alone are near; `None` where nothing is, or others are, on
-    /// the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
+    /// What multiplies the weight of an edge that dielectrics alone are near, all of which are taken along lines; `None` where nothing is, or others
+    /// are, on the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
     /// the others working storage.
     pub(super) fn along_lines(
         &self,
@@ -87,7 +97,7 @@ impl Scene<'_> {
         breaks: &mut Vec<f64>,
     ) -> Option<f64> {
         let Edges::Lattice(lattice) = self.mesh.edges else { return None };
-        if owners != [NO_OBJECT; 2] || !self.are_weak(on_edge) {
+        if owners != [NO_OBJECT; 2] || !self.are_lined(on_edge) {
             return None;
         }
         let is_beside_electrode = self.is_beside_electrode(edge)?;
@@ -99,15 +109,18 @@ impl Scene<'_> {
                 Filling::Even(object) => [self.through(object, background, Span::WHOLE)?; LINES],
                 Filling::Part(object, layers) => {
                     let lines = BodyLines::of(self.surfaces, object, &quarter, layers);
+                    let found = lines.spans();
+                    let passed_by = self.passed_by(&lines, &found, on_edge, background);
                     let mut through = [1.0; LINES];
-                    for (line, through) in through.iter_mut().enumerate() {
-                        if let Some(span) = lines.span(line) {
-                            *through = self.through(object, background, span)?;
+                    for (span, through) in found.into_iter().zip(&mut through) {
+                        if let Some(span) = span {
+                            *through =
+                                passed_by.of_line(span).through(self.through(object, background, span)?);
                         }
                     }
                     through
                 }
-                Filling::Parts => self.through_several(background, &quarter, spans, breaks)?,
+                Filling::Parts => self.through_several(background, &quarter, on_edge, spans, breaks)?,
             };
             is_met |= through != [1.0; LINES];
             let count = LINES as f64;
@@ -132,12 +145,13 @@ impl Scene<'_> {
         if self.cells.is_some() { background } else { 1.0 }
     }
 
-    /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where strong ones are on
-    /// one of them.
+    /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where others than those taken along
+    /// lines are on one of them.
     fn through_several(
         &self,
         background: f64,
         quarter: &Quarter,
+        on_edge: &[(u16, Span)],
         spans: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
     ) -> Option<[f64; LINES]> {
@@ -145,15 +159,20 @@ impl Scene<'_> {
         let mut through = [1.0; LINES];
         for (line, through) in through.iter_mut().enumerate() {
             spans.clear();
+            let mut passed_by = PassedBy::LINES_ALONE;
             for object in self.dielectrics_near(&bounds) {
-                let span = BodyLines::of(self.surfaces, object, quarter, None).span(line);
-                spans.extend(span.map(|span| (object as u16, span)));
+                let lines = BodyLines::of(self.surfaces, object, quarter, None);
+                if let Some(span) = lines.span(line) {
+                    spans.push((object as u16, span));
+                    let other = self.passed_by(&lines, &lines.spans(), on_edge, background);
+                    passed_by = passed_by.and(other.of_line(span));
+                }
             }
-            if !self.are_weak(spans) {
+            if !self.are_lined(spans) {
                 return None;
             }
             let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
-            *through = rule.coupling(breaks).through;
+            *through = passed_by.through(rule.coupling(breaks).through);
         }
         Some(through)
     }
@@ -164,16 +183,20 @@ impl Scene<'_> {
         (0..self.bounds.len()).filter(is_near)
     }
 
-    /// Whether all that is met are weak dielectrics.
-    fn are_weak(&self, spans: &[(u16, Span)]) -> bool {
-        spans.iter().all(|(object, _)| is_weak(&self.materials[usize::from(*object)]))
+    /// Whether all that is met are dielectrics that are taken along lines.
+    fn are_lined(&self, spans: &[(u16, Span)]) -> bool {
+        spans.iter().all(|(object, _)| self.is_lined(usize::from(*object)))
     }
 
-    /// What multiplies the weight of a line of which a weak dielectric alone fills a part; `None` for all other objects.
+    fn is_lined(&self, object: usize) -> bool {
+        is_lined(&self.materials[object], self.surfaces.are_exact())
+    }
+
+    /// What multiplies the weight of a line of which a dielectric alone fills a part; `None` for objects that are not taken along lines.
     #[inline]
     fn through(&self, object: usize, background: f64, span: Span) -> Option<f64> {
         match self.materials[object] {
-            Material::Dielectric(permittivity) if permittivity.value() < WEAK => {
+            Material::Dielectric(permittivity) if self.is_lined(object) => {
                 Some(past_one(span, permittivity.value() / background))
             }
             _ => None,
@@ -209,48 +232,5 @@ impl Scene<'_> {
         let ends = self.mesh.edges.ends(edge)?;
         let is_at_one = ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]));
         Some(is_at_one && edge % 3 != ELECTRODE_NORMAL)
-    }
-
-    /// What multiplies the weight of an edge that lies in a face of a dielectric: the mean of what it would be a little to
-    /// either side of it, since half of its box is on each; `None` for all other edges. Off such a face the edge rule
-    /// goes on to take the edge as a whole.
-    pub(super) fn in_face(
-        &self,
-        edge: usize,
-        on_edge: &[(u16, Span)],
-        spans: &mut Vec<(u16, Span)>,
-        breaks: &mut Vec<f64>,
-    ) -> Option<f64> {
-        let Edges::Lattice(lattice) = self.mesh.edges else { return None };
-        let is_met = |object: usize| on_edge.iter().any(|(met, _)| usize::from(*met) == object);
-        let [from, to] = self.mesh.edges.ends(edge)?.map(|node| self.mesh.nodes[node as usize]);
-        let distance = in_face_distance(lattice);
-        let around = Aabb { min: from.min(to) - distance, max: from.max(to) + distance };
-        let across = [(edge % 3 + 1) % 3, (edge % 3 + 2) % 3];
-        let may_hold = |object: usize| {
-            !self.is_conductor(object)
-                && !is_met(object)
-                && self.bounds[object].intersects(&around)
-                && across.into_iter().any(|axis| self.surfaces.has_face_across(object, axis))
-        };
-        if !(0..self.bounds.len()).any(may_hold) {
-            return None;
-        }
-        let (mut sum, mut whole, mut lies_in_one) = (0.0, 0.0, false);
-        for quarter in quarters(lattice, edge) {
-            let mut beside = DVec3::ZERO;
-            across.into_iter().for_each(|axis| beside[axis] = distance.copysign(quarter.offset[axis]));
-            self.find_spans_between([from + beside, to + beside], spans);
-            if spans.iter().any(|(object, _)| self.is_conductor(usize::from(*object))) {
-                return None;
-            }
-            lies_in_one |= spans.iter().any(|(object, _)| !is_met(usize::from(*object)));
-            let background = self.background_of(edge, &quarter);
-            let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
-            let share = quarter.share * self.weight_of(background);
-            sum += share * rule.coupling(breaks).through;
-            whole += share;
-        }
-        lies_in_one.then(|| sum / whole)
     }
 }

@@ -19,12 +19,10 @@ pub(super) struct Scene<'a> {
     pub(super) fields: &'a [KnownField],
     /// The relative permittivity of each cell of a lattice without objects, where it is known not to be the same everywhere.
     pub(super) cells: Option<&'a Background>,
-    /// Whether there are weak dielectrics on a lattice.
-    pub(super) has_weak: bool,
+    /// Whether there are dielectrics that are taken along lines.
+    pub(super) has_lines: bool,
     /// Whether surfaces are exact and the mesh is a lattice, so that walls of conductors are looked for.
     pub(super) has_silhouettes: bool,
-    /// Whether there are strong dielectrics with exact surfaces on a lattice.
-    pub(super) has_faces: bool,
     /// Whether a camera sees conductors or strong dielectrics on a lattice.
     pub(super) has_camera_walls: bool,
     /// Whether nodes where a lattice ends stand for the space beyond.

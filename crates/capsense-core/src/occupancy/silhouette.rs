@@ -356,7 +356,34 @@ impl Scene<'_> {
         }
     }
 
-    /// The part of a box around an edge that meets the conductor which the edge meets.
+    /// What the edge rule makes of an edge to the part of its box that meets one of the dielectrics on it, and to the other what is along it
+    /// without that one. `star` is what is around its first node, `others` and `breaks` working storage.
+    #[inline(always)]
+    pub(super) fn past_walls(
+        &self,
+        (edge, star): (usize, &Star<'_>),
+        on_edge: &[(u16, Span)],
+        number: usize,
+        others: &mut Vec<(u16, Span)>,
+        breaks: &mut Vec<f64>,
+    ) -> f64 {
+        let background = self.mesh.permittivity.at(edge);
+        let mut through = |all_but: Option<usize>| {
+            others.clear();
+            let is_left = |(at, _): &(usize, _)| Some(*at) != all_but;
+            others.extend(on_edge.iter().enumerate().filter(is_left).map(|(_, span)| *span));
+            let rule =
+                EdgeRule { owners: [NO_OBJECT; 2], spans: others, materials: self.materials, background };
+            rule.coupling(breaks).through
+        };
+        let (cut, (object, span)) = (through(None), on_edge[number]);
+        let has_edge = |tube: &Tube| self.has_edge_in(object.into(), &tube.bounds());
+        let Some(tube) = Tube::of(star, edge % 3).filter(has_edge) else { return cut };
+        let part = self.part_covered(&tube, object.into(), span);
+        if part >= 1.0 { cut } else { part * cut + (1.0 - part) * through(Some(number)) }
+    }
+
+    /// The part of a box around an edge that meets the body which the edge meets.
     #[inline(always)]
     fn part_covered(&self, tube: &Tube, object: usize, span: Span) -> f64 {
         match self.fields[object].of_box() {

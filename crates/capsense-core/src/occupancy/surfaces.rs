@@ -155,11 +155,6 @@ pub trait Surfaces: Sync {
         false
     }
 
-    /// Whether an object has a flat face across an axis of the sensor frame, in which edges of a lattice may lie.
-    fn has_face_across(&self, _object: usize, _axis: usize) -> bool {
-        false
-    }
-
     /// Whether an object may have an edge, where its surface turns abruptly, in a box.
     fn has_edge_in(&self, _object: usize, _bounds: &Aabb) -> bool {
         true

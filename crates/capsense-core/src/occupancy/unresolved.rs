@@ -7,7 +7,7 @@
 //! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost where gaps are not
 //! looked for ([`super::gaps`]), and what is between two ends that conductors hold always is.
 
-use super::parallel::WEAK;
+use super::parallel::is_lined;
 use super::{EdgeGeometry, Interface, Span, Surfaces};
 use crate::capacitance::own_potential;
 use crate::geometry::Aabb;
@@ -62,9 +62,7 @@ pub(crate) fn unresolved(
         let is_inside = domain.contains(bounds.min) && domain.contains(bounds.max);
         match (interface, materials[object]) {
             // Lines beside edges see these.
-            (Interface::EdgeCut, Material::Dielectric(permittivity))
-                if is_lattice && permittivity.value() < WEAK =>
-            {
+            (Interface::EdgeCut, material) if is_lattice && is_lined(&material, surfaces.are_exact()) => {
                 false
             }
             (Interface::EdgeCut, Material::Conductor(_)) => {

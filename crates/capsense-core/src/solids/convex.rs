@@ -12,9 +12,6 @@ use std::f64::consts::FRAC_PI_2;
 /// a face in a plane of nodes holds either all or none of them, and opposite faces are alike.
 const SHRINK: f64 = 1e-12;
 
-/// Cosines of angles differ from 1 by less than this where the angle is none but for rounding.
-const ALIGNED: f64 = 1e-15;
-
 /// What is beyond a face by this part of how far it is from the centre is so whatever rounding does.
 const BEYOND: f64 = 1e-9;
 
@@ -105,16 +102,6 @@ impl Convex {
             Self::Cylinder { radius, .. } => (centre.truncate().length(), radius + half.truncate().length()),
         };
         distance * (1.0 - BEYOND) > reach
-    }
-
-    /// Whether a direction is that of the normal of a flat face, but for rounding.
-    pub(super) fn has_face_across(&self, direction: DVec3) -> bool {
-        let is_along = |axis: f64| 1.0 - axis.abs() < ALIGNED;
-        match self {
-            Self::Box(_) => direction.to_array().into_iter().any(is_along),
-            Self::Capsule { .. } => false,
-            Self::Cylinder { .. } => is_along(direction.z),
-        }
     }
 
     /// Whether a round edge, where faces meet, may be in a box of half size `half` about a point.

@@ -308,12 +308,6 @@ impl Surfaces for Solids {
         true
     }
 
-    fn has_face_across(&self, object: usize, axis: usize) -> bool {
-        let Body::Convex(convex) = &self.solids[object].body else { return false };
-        let across = self.placed[object].object_from_sensor.col(axis);
-        convex.has_face_across(across)
-    }
-
     fn has_edge_in(&self, object: usize, bounds: &Aabb) -> bool {
         if let Some(is_in) = self.right_angles(object).and_then(|angles| angles.has_straight_edge_in(bounds))
         {

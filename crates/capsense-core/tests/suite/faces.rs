@@ -71,9 +71,10 @@ fn what_was_in_a_face_leaves_no_trace() {
     }
 }
 
-/// What a slab adds lies between what it adds a little lower and a little higher.
+/// A face that comes into a plane of nodes and leaves it: half of the box of edges in it is on either side. What comes at once, as bodies
+/// are taken to reach further than they do where edges are in them, is less than what a millimetre makes.
 #[test]
-fn in_a_plane_is_between_before_and_behind() {
+fn little_comes_at_once_as_a_face_passes_a_plane() {
     let sensor = stripes_sensor(6_000);
     let plane = sensor.lattice().unwrap().axes()[2].iter().copied().find(|z| *z > 0.01).unwrap();
     let size = DVec3::new(0.15, 0.15, 0.05);
@@ -84,8 +85,7 @@ fn in_a_plane_is_between_before_and_behind() {
         let _ = simulator.step(&solids).unwrap();
         simulator.capacitance().clone()
     };
-    let [before, there, behind] = [-1e-6, 0.0, 1e-6].map(|shift| at(plane + shift).get(1, 1));
-    assert!(behind < there && there < before, "{before} {there} {behind}");
-    let part = (there - behind) / (before - behind);
-    assert!((0.5..0.99).contains(&part), "{part}");
+    let [before, there, behind, far] = [-1e-6, 0.0, 1e-6, 1e-3].map(|shift| at(plane + shift).get(1, 1));
+    let at_once = [before - there, there - behind].map(|step| step / (before - far));
+    assert!(at_once.into_iter().all(|part| (0.0..0.6).contains(&part)), "{at_once:?}");
 }

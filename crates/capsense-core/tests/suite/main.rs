@@ -49,6 +49,7 @@ mod solids_changes;
 mod solver;
 mod sphere;
 mod stripes;
+mod strong;
 mod unresolved;
 mod update;
 mod weak;

@@ -165,6 +165,13 @@ fn under_walls(around: Surroundings, cut: Coupling) -> Coupling {
     return coupling;
 }
 
+// Strong dielectrics that a camera sees are not taken along lines.
+fn gap_to(object: u32, edge: Edge, part: f32, to_next: vec2<f32>) -> f32 { return 0.0; }
+
+fn is_round(object: u32) -> bool { return false; }
+
+fn on_strong(around: Surroundings, lines: f32) -> f32 { return lines; }
+
 fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling {
     if (all(around.owners != vec2<u32>(NO_OBJECT))) { return cut; }
     if (around.edge.axis == RAYS) { return under_walls(around, cut); }

@@ -4,6 +4,9 @@
 //     fn set_anchor(place: vec3<u32>)
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
 //     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
+//     fn gap_to(object: u32, edge: Edge, along: f32, to_next: vec2<f32>) -> f32, from a place on an edge to an object in one direction
+//     fn is_round(object: u32) -> bool, whether it has no edges
+//     fn on_strong(around: Surroundings, lines: f32) -> f32, of an edge on which dielectrics are, of which lines make `lines`
 //     fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling
 //     fn background_in(cell: vec3<u32>, around: f32) -> f32, of a cell beside an edge around which it is that on average
 // all points and shifts relative to the anchor, a node given by its planes, in metres. The last tells what else a source knows to be
@@ -135,19 +138,65 @@ fn is_beside(object: u32, edge: Edge) -> bool {
 
 fn is_weak(object: u32) -> bool { return !is_conductor(object) && permittivity_of(object) < WEAK; }
 
-fn all_weak() -> bool {
+// Whether an object is a dielectric that is taken along lines.
+fn is_lined(object: u32) -> bool { return is_weak(object) || (IS_EXACT && !is_conductor(object)); }
+
+fn all_lined() -> bool {
     for (var object = 0u; object < objects; object++) {
-        if (is_met(object) && !is_weak(object)) { return false; }
+        if (is_met(object) && !is_lined(object)) { return false; }
     }
     return true;
+}
+
+// How strong a dielectric is: core's `occupancy/parallel/strong.rs`.
+fn strength_of(object: u32, background: f32) -> f32 {
+    if (is_conductor(object)) { return 0.0; }
+    let weakness = WEAK * background / permittivity_of(object);
+    return max(1.0 - weakness * weakness, 0.0);
 }
 
 // Where lines pass a quarter, in parts of half its widths from its middle.
 const PLACES = array<vec2<f32>, 4>(vec2<f32>(-0.75f, -0.25f), vec2<f32>(-0.25f, 0.75f), vec2<f32>(0.25f, -0.75f), vec2<f32>(0.75f, 0.25f));
 
-// What multiplies the weight of a free edge that weak dielectrics alone are near, by parallel lines; less than nothing where
+// From an edge to a line of the quarter that reaches half of the ways to the next edges.
+fn shift_to(edge: Edge, to_next: vec2<f32>, line: u32) -> vec3<f32> {
+    var shift = vec3<f32>();
+    shift[(edge.axis + 1u) % 3u] = 0.25 * to_next.x * (1.0 + PLACES[line].x);
+    shift[(edge.axis + 2u) % 3u] = 0.25 * to_next.y * (1.0 + PLACES[line].y);
+    return shift;
+}
+
+// By object: the gap between an edge and the part of a strong one in a quarter, as far as it counts, in parts of the edge; and how much its
+// lines count.
+fn passed_by(around: Surroundings, to_next: vec2<f32>, background: f32) -> array<vec2<f32>, OBJECTS> {
+    var gaps: array<vec2<f32>, OBJECTS>;
+    var on_edge = around.on_edge;
+    for (var object = 0u; object < objects; object++) {
+        gaps[object] = vec2<f32>(0.0, 1.0);
+        let strength = strength_of(object, background);
+        let own = on_edge[object];
+        if (strength == 0.0 || own.enter <= own.leave || !is_beside(object, around.edge)) { continue; }
+        if (is_round(object)) {
+            gaps[object].y = 1.0 - strength;
+            continue;
+        }
+        var all = 0.0;
+        var sum = 0.0;
+        for (var line = 0u; line < 4u; line++) {
+            let span = object_span(object, around.edge, shift_to(around.edge, to_next, line));
+            let filled = max(span.leave - span.enter, 0.0);
+            all += filled;
+            sum += 0.5 * filled * (span.enter + span.leave);
+        }
+        if (all > 0.0) { gaps[object].x = strength * gap_to(object, around.edge, sum / all, to_next); }
+    }
+    return gaps;
+}
+
+// What multiplies the weight of a free edge that dielectrics alone are near, by parallel lines; less than nothing where
 // nothing is, or others are. The spans of the edge itself are lost.
-fn along_lines(edge: Edge, background: f32, is_along_electrode: bool) -> f32 {
+fn along_lines(around: Surroundings, is_along_electrode: bool) -> f32 {
+    let edge = around.edge;
     let u = (edge.axis + 1u) % 3u;
     let v = (edge.axis + 2u) % 3u;
     let steps_u = vec2<f32>(-way_before(u, edge.place[u]), way_after(u, edge.place[u]));
@@ -163,22 +212,31 @@ fn along_lines(edge: Edge, background: f32, is_along_electrode: bool) -> f32 {
         var cell = edge.place;
         cell[u] -= select(1u, 0u, number / 2u == 1u);
         cell[v] -= select(1u, 0u, number % 2u == 1u);
-        let of_cell = background_in(cell, background);
+        let of_cell = background_in(cell, around.background);
         let share = area * of_cell;
+        let to_next = vec2<f32>(to_u, to_v);
+        var gaps: array<vec2<f32>, OBJECTS>;
+        if (HAS_STRONG) { gaps = passed_by(around, to_next, of_cell); }
         var parallel = 0.0;
         var in_series = 0.0;
         for (var line = 0u; line < 4u; line++) {
-            var shift = vec3<f32>();
-            shift[u] = 0.25 * to_u * (1.0 + PLACES[line].x);
-            shift[v] = 0.25 * to_v * (1.0 + PLACES[line].y);
             var through = 1.0;
-            if (find_spans(edge, shift)) {
+            if (find_spans(edge, shift_to(edge, to_next, line))) {
+                var gap = 0.0;
+                var part = 1.0;
                 for (var object = 0u; object < objects; object++) {
                     if (is_conductor(object)) { spans[object] = MISSED; }
-                    is_any = is_any || is_met(object);
+                    if (!is_met(object)) { continue; }
+                    is_any = true;
+                    if (HAS_STRONG) {
+                        gap = max(gap, (spans[object].leave - spans[object].enter) * gaps[object].x);
+                        part = min(part, gaps[object].y);
+                    }
                 }
-                if (!all_weak()) { return -1.0; }
+                if (!all_lined()) { return -1.0; }
                 through = edge_rule(vec2<u32>(NO_OBJECT), of_cell).through;
+                if (gap > 0.0 && through > 1.0) { through = 1.0 / min(1.0 / through + gap, 1.0); }
+                if (part < 1.0) { through = 1.0 + part * (through - 1.0); }
             }
             parallel += through;
             in_series += 1.0 / through;

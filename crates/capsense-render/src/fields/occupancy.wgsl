@@ -138,10 +138,10 @@ fn coupling_of(grid: Grid, place: vec3<u32>, axis: u32, is_own: bool) -> Couplin
     let is_free = all(owners == vec2<u32>(NO_OBJECT));
     var cut = PLAIN;
     if (is_any || !is_free) { cut = edge_rule(owners, background); }
-    if (HAS_WEAK && is_free && all_weak()) {
+    if (HAS_LINES && is_free && all_lined()) {
         let is_along = axis != 2u && (is_electrode(electrodes.x) || is_electrode(electrodes.y));
-        let through = along_lines(edge, background, is_along);
-        if (through >= 0.0) { return only_through(through); }
+        let lines = along_lines(around, is_along);
+        if (lines >= 0.0) { return only_through(on_strong(around, lines)); }
     }
     return with_surroundings(around, cut);
 }

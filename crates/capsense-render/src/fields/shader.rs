@@ -39,13 +39,15 @@ const MOST_RATIO: f32 = {MOST_RATIO}f;
     let of_objects = match finding {
         None => "fn absent_columns() -> u32 { return 0u; }".to_owned(),
         Some(finding) => {
-            let Finding { objects, has_weak, is_exact } = finding;
+            let Finding { objects, has_lines, has_strong, is_exact } = finding;
             let (object_words, found_words) = (finding.object_words(), finding.found_words());
             let constants = format!(
                 "const OBJECTS: u32 = {objects}u;
 const OBJECT_WORDS: u32 = {object_words}u;
 const FOUND: u32 = {found_words}u;
-const HAS_WEAK: bool = {has_weak};
+const HAS_LINES: bool = {has_lines};
+const HAS_STRONG: bool = {has_strong};
+const IS_EXACT: bool = {is_exact};
 "
             );
             let source = match is_exact {
@@ -74,7 +76,9 @@ mod tests {
     /// Needs no GPU: the kernels are valid WGSL, and there is one for each step.
     #[test]
     fn the_kernels_are_valid() {
-        let finding = |objects, has_weak, is_exact| Some(Finding { objects, has_weak, is_exact });
+        let finding = |objects, has_lines, is_exact| {
+            Some(Finding { objects, has_lines, has_strong: has_lines && is_exact, is_exact })
+        };
         let all = [
             (1, 1, None),
             (3, 512, None),

@@ -13,6 +13,9 @@ pub(super) const LINES: usize = 4;
 /// along the other.
 const PLACES: [[f64; 2]; LINES] = [[-0.75, -0.25], [-0.25, 0.75], [0.25, -0.75], [0.75, 0.25]];
 
+/// From an edge it is so many times as far to the next one as to the middle of the quarter on that side.
+const TO_NEXT: f64 = 4.0;
+
 /// A quarter of the box around an edge: what of it lies in one of the cells around the edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Quarter {
@@ -74,6 +77,27 @@ impl<'a> BodyLines<'a> {
             Some(Side::Inside) => Some(Span::WHOLE),
             None => self.surfaces.span_in_frame(self.object, from, to),
         }
+    }
+
+    /// The same of all lines.
+    #[inline]
+    pub(super) fn spans(&self) -> [Option<Span>; LINES] {
+        std::array::from_fn(|line| self.span(line))
+    }
+
+    /// The object whose lines these are.
+    pub(super) fn object(&self) -> usize {
+        self.object
+    }
+
+    /// The way from a place on the edge to the next one in the quarter's direction: the part of it in the body, and its length in parts
+    /// of the edge's, along the shorter of the two axes.
+    pub(super) fn span_to_next(&self, along: f64) -> Option<(Span, f64)> {
+        let middle = self.across[0] + self.across[1];
+        let from = self.from - middle + along * self.way;
+        let span = self.surfaces.span_in_frame(self.object, from, from + TO_NEXT * middle)?;
+        let width = TO_NEXT * self.across[0].length().min(self.across[1].length());
+        Some((span, width / self.way.length()))
     }
 }
 

@@ -59,8 +59,9 @@ pub struct Objects {
 pub(super) struct Finding {
     /// No scene has more objects.
     pub(super) objects: usize,
-    /// Whether a scene has a weak dielectric.
-    pub(super) has_weak: bool,
+    /// Whether a scene has a dielectric that is taken along lines, and whether it has one of these that is not weak.
+    pub(super) has_lines: bool,
+    pub(super) has_strong: bool,
     /// Whether objects are solids, rather than what a camera sees.
     pub(super) is_exact: bool,
 }
@@ -110,10 +111,15 @@ pub(super) struct Finder {
 
 impl Finding {
     pub(super) fn of(scenes: &[Objects], is_exact: bool) -> Self {
-        let is_weak = |material: &Material| matches!(material, Material::Dielectric(permittivity) if permittivity.value() < WEAK);
+        let mut permittivities = scenes.iter().flat_map(|scene| &scene.materials).filter_map(|of| match of {
+            Material::Dielectric(permittivity) => Some(permittivity.value()),
+            Material::Conductor(_) => None,
+        });
+        let strongest = permittivities.clone().fold(0.0, f64::max);
         Self {
             objects: scenes.iter().map(|scene| scene.shapes.len()).max().unwrap_or(0).max(1),
-            has_weak: scenes.iter().flat_map(|scene| &scene.materials).any(is_weak),
+            has_lines: permittivities.any(|permittivity| is_exact || permittivity < WEAK),
+            has_strong: is_exact && strongest >= WEAK,
             is_exact,
         }
     }

@@ -1,72 +1,65 @@
-// What is around an edge of a lattice makes of it: faces of strong dielectrics in which it lies, walls of conductors beside it, and
+// What is around an edge of a lattice makes of it: walls of conductors and of strong dielectrics beside it, and
 // the field near edges of conductors and before round ones. `Occupancy::update_edge` of the core, behind the edge rule itself. Beside
 // what the files before ask for:
 //   fn wedge_of(node: u32) -> Wedge
 
 const UNLINKED: vec2<u32> = vec2<u32>(NO_OBJECT, NO_OBJECT);
 
-// Edges nearer to a face than this part of the lattice's size lie in it.
-const IN_FACE: f32 = 1e-7;
+// A gap counts as a whole if it is longer by this part of the way to the next edge than what is between that and the body, which is as
+// thick at least.
+const LONGER: f32 = 0.25;
 
-fn in_face_distance() -> f32 {
-    let counts = plane_counts();
-    var largest = 0.0;
-    for (var axis = 0u; axis < 3u; axis++) {
-        largest = max(largest, plane_of(axis, counts[axis] - 1u).x - plane_of(axis, 0u).x);
-    }
-    return IN_FACE * largest;
+// The gap between a place on an edge and an object on the way to the next edge in one direction, in parts of the edge, as far as the next
+// edge is nearer to the object. The anchor is the first node of the edge.
+fn gap_to(object: u32, edge: Edge, part: f32, to_next: vec2<f32>) -> f32 {
+    let solid = solid_of(object);
+    let start = part * along(edge);
+    var way = vec3<f32>();
+    way[(edge.axis + 1u) % 3u] = to_next.x;
+    way[(edge.axis + 2u) % 3u] = to_next.y;
+    let body = solid_span(solid, in_frame(solid, moved(anchor, start)), in_frame(solid, moved(anchor, start + way)));
+    if (!is_hit(body)) { return 0.0; }
+    let longer = clamp((body.enter - (1.0 - body.leave)) / LONGER, 0.0, 1.0);
+    let thick = clamp((body.leave - body.enter) / LONGER, 0.0, 1.0);
+    return longer * thick * body.enter * min(abs(to_next.x), abs(to_next.y)) / edge.length;
 }
 
-// What multiplies the weight of an edge that lies in a face of a dielectric: the mean of what it would be a little to either side of it;
-// -1 for all other edges.
-fn in_face(around: Surroundings, star: Star) -> f32 {
+fn is_round(object: u32) -> bool {
+    let solid = solid_of(object);
+    return kind_of(solid) == CAPSULE;
+}
+
+// What an edge on which dielectrics are is, of which lines tell the more the weaker they are: `occupancy/parallel/strong.rs` of the core.
+fn on_strong(around: Surroundings, lines: f32) -> f32 {
     var on_edge = around.on_edge;
-    let axis = around.edge.axis;
-    var away = in_face_distance();
-    let b = (axis + 1u) % 3u;
-    let c = (axis + 2u) % 3u;
-    var may_hold = false;
-    var has_strong = false;
+    var strongest = NO_OBJECT;
+    var strength = 0.0;
     for (var object = 0u; object < objects; object++) {
-        has_strong = has_strong || !(is_conductor(object) || is_weak(object));
-        if (is_conductor(object) || is_hit(on_edge[object])) { continue; }
-        let solid = solid_of(object);
-        may_hold = may_hold || has_face_across(solid, b) || has_face_across(solid, c);
-        // Lines beside the edge must reach into the solid, which is smaller than stated.
-        away = max(away, 3.0 * SHRINK * max(solid.size.x, max(solid.size.y, solid.size.z)));
-    }
-    if (!has_strong || !may_hold) { return -1.0; }
-    var sum = 0.0;
-    var whole = 0.0;
-    var lies_in_one = false;
-    for (var quarter = 0u; quarter < 4u; quarter++) {
-        let is_above = vec2<bool>((quarter & 2u) != 0u, (quarter & 1u) != 0u);
-        let first = select(star.below[b], star.above[b], is_above.x);
-        let second = select(star.below[c], star.above[c], is_above.y);
-        let area = 0.25 * first * second;
-        if (area == 0.0) { continue; }
-        var cell = star.place;
-        cell[b] -= select(1u, 0u, is_above.x);
-        cell[c] -= select(1u, 0u, is_above.y);
-        let background = background_in(cell, around.background);
-        let share = area * background;
-        var beside = vec3<f32>(0.0);
-        beside[b] = select(-away, away, is_above.x);
-        beside[c] = select(-away, away, is_above.y);
-        var through = 1.0;
-        if (find_spans(around.edge, beside)) {
-            for (var object = 0u; object < objects; object++) {
-                if (!is_met(object)) { continue; }
-                if (is_conductor(object)) { return -1.0; }
-                lies_in_one = lies_in_one || !is_hit(on_edge[object]);
-            }
-            through = edge_rule(UNLINKED, background).through;
+        if (!is_hit(on_edge[object])) { continue; }
+        let own = strength_of(object, around.background);
+        if (own > strength) {
+            strength = own;
+            strongest = object;
         }
-        sum += share * through;
-        whole += share;
     }
-    if (!lies_in_one) { return -1.0; }
-    return sum / whole;
+    if (strongest == NO_OBJECT) { return lines; }
+    return lines + strength * (past_walls(around, strongest) - lines);
+}
+
+// What the edge rule makes of an edge to the part of its box that meets one of the dielectrics on it, and to the other what is along it
+// without that one.
+fn past_walls(around: Surroundings, object: u32) -> f32 {
+    var on_edge = around.on_edge;
+    spans = on_edge;
+    let cut = edge_rule(UNLINKED, around.background).through;
+    let solid = solid_of(object);
+    let tube = tube_of(star_at(around.ends.x, around.edge.place), around.edge.axis, solid);
+    if (!is_in_bounds(solid, tube.middle, tube.half) || !has_edge_in(solid, tube.middle, tube.half)) { return cut; }
+    let part = part_covered(solid, tube, on_edge[object]);
+    if (part >= 1.0) { return cut; }
+    spans = on_edge;
+    spans[object] = MISSED;
+    return part * cut + (1.0 - part) * edge_rule(UNLINKED, around.background).through;
 }
 
 // What the edge rule makes of an edge to a part, and to the rest what is along it without the conductor.
@@ -157,14 +150,9 @@ fn between_wedges(around: Surroundings, cut: Coupling, covered: Coupling) -> Cou
     return coupling;
 }
 
-// What is around an edge makes of it, of which surfaces on it leave `by_rule`.
-fn with_surroundings(around: Surroundings, by_rule: Coupling) -> Coupling {
+// What is around an edge makes of it, of which surfaces on it leave `cut`.
+fn with_surroundings(around: Surroundings, cut: Coupling) -> Coupling {
     let star = star_at(around.ends.x, around.edge.place);
-    var cut = by_rule;
-    if (all(around.owners == UNLINKED)) {
-        let held = in_face(around, star);
-        if (held >= 0.0) { cut = only_through(held); }
-    }
     let is_all = vec2<bool>(wedge_of(around.ends.x).is_all, wedge_of(around.ends.y).is_all);
     var covered = cut;
     if (!all(is_all | (around.owners != UNLINKED))) { covered = at_silhouette(around, star, cut); }

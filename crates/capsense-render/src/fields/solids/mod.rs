@@ -20,9 +20,6 @@ const BOX: u32 = 0;
 const CAPSULE: u32 = 1;
 const CYLINDER: u32 = 2;
 
-/// The first of three bits of an object's kind: whether a flat face is across an axis of the sensor frame.
-const FACE_ACROSS_X: u32 = 0x100;
-
 /// Words of a solid at a pose: its size, kind, origin in two parts, and axes in the sensor frame, as `solids.wgsl` has them.
 pub(super) const SOLID_WORDS: usize = 21;
 
@@ -60,8 +57,6 @@ impl EdgeTrees {
         let Some((kind, size)) = kind_and_size(solids, object) else { return };
         let frame = solids.frame(object);
         let [x, y, z] = frame.origin.to_array().map(in_two);
-        let faces = (0..3).filter(|&axis| solids.has_face_across(object, axis));
-        let kind = faces.fold(kind, |kind, axis| kind | FACE_ACROSS_X << axis);
         words.extend(size.as_vec3().to_array().map(f32::to_bits));
         words.push(kind);
         words.extend([x[0], y[0], z[0], x[1], y[1], z[1]].map(f32::to_bits));

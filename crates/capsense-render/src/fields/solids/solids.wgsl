@@ -49,9 +49,7 @@ const ALL: vec2<f32> = vec2<f32>(-3e38, 3e38);
 // A point of the sensor frame, in two parts.
 struct Spot { at: vec3<f32>, rest: vec3<f32> }
 
-fn kind_of(solid: Solid) -> u32 { return solid.kind & 0xffu; }
-
-fn has_face_across(solid: Solid, axis: u32) -> bool { return (solid.kind & (0x100u << axis)) != 0u; }
+fn kind_of(solid: Solid) -> u32 { return solid.kind; }
 
 fn is_hit(span: Span) -> bool { return span.enter <= span.leave; }
 

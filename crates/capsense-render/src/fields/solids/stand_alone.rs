@@ -24,8 +24,10 @@ const THREADS: u32 = 64;
 const FIRST_WRITTEN: u32 = 7;
 
 pub(super) fn stand_alone(most_objects: usize) -> String {
-    let constants =
-        format!("const SOLID_WORDS: u32 = {SOLID_WORDS}u;\nconst OBJECTS: u32 = {most_objects}u;\n");
+    let constants = format!(
+        "const SOLID_WORDS: u32 = {SOLID_WORDS}u;\nconst OBJECTS: u32 = {most_objects}u;
+const IS_EXACT: bool = true;\nconst HAS_STRONG: bool = true;\n"
+    );
     constants + &source() + include_str!("../edge_rule.wgsl") + include_str!("stand_alone.wgsl")
 }
 

@@ -76,10 +76,10 @@ fn coupling_of(place: vec3<u32>, axis: u32) -> Coupling {
     let is_free = all(owners == UNLINKED);
     var cut = PLAIN;
     if (is_any || !is_free) { cut = edge_rule(owners, background); }
-    if (is_free && all_weak()) {
+    if (is_free && all_lined()) {
         let is_along = axis != 2u && (is_electrodes(ends.x) || is_electrodes(ends.y));
-        let through = along_lines(edge, background, is_along);
-        if (through >= 0.0) { return only_through(through); }
+        let lines = along_lines(around, is_along);
+        if (lines >= 0.0) { return only_through(on_strong(around, lines)); }
     }
     return with_surroundings(around, cut);
 }
