@@ -32,6 +32,9 @@ use glam::{DMat3, DVec3};
 /// two and three times as long as wide asked for 0.10, 0.08 and 0.07. A sheet much thinner than a cell asked for 0.1 to 0.3.
 const FRINGE: f64 = 0.09;
 
+/// An edge ends at a face of a dielectric as a whole if so much of it is outside.
+const OUTSIDE: f64 = 0.25;
+
 /// One of the two axes across an edge.
 #[derive(Clone, Copy)]
 struct Across {
@@ -378,7 +381,10 @@ impl Scene<'_> {
         };
         let (cut, (object, span)) = (through(None), on_edge[number]);
         let has_edge = |tube: &Tube| self.has_edge_in(object.into(), &tube.bounds());
-        let Some(tube) = Tube::of(star, edge % 3).filter(has_edge) else { return cut };
+        let Some(mut tube) = Tube::of(star, edge % 3).filter(has_edge) else { return cut };
+        // Fields are strong where faces end, not along walls within.
+        let outside = ((1.0 - (span.exit - span.enter)) / OUTSIDE).min(1.0);
+        tube.across.iter_mut().for_each(|across| across.fringe *= outside);
         let part = self.part_covered(&tube, object.into(), span);
         if part >= 1.0 { cut } else { part * cut + (1.0 - part) * through(Some(number)) }
     }

@@ -71,8 +71,8 @@ fn what_was_in_a_face_leaves_no_trace() {
     }
 }
 
-/// A face that comes into a plane of nodes and leaves it: half of the box of edges in it is on either side. What comes at once, as bodies
-/// are taken to reach further than they do where edges are in them, is less than what a millimetre makes.
+/// A face that comes into a plane of nodes and leaves it: half of the box of edges in it is on either side. What comes at once, as
+/// edges within a strong body count as a whole, is less than what a millimetre makes.
 #[test]
 fn little_comes_at_once_as_a_face_passes_a_plane() {
     let sensor = stripes_sensor(6_000);
@@ -87,5 +87,5 @@ fn little_comes_at_once_as_a_face_passes_a_plane() {
     };
     let [before, there, behind, far] = [-1e-6, 0.0, 1e-6, 1e-3].map(|shift| at(plane + shift).get(1, 1));
     let at_once = [before - there, there - behind].map(|step| step / (before - far));
-    assert!(at_once.into_iter().all(|part| (0.0..0.6).contains(&part)), "{at_once:?}");
+    assert!(at_once.into_iter().all(|part| (-0.02..0.8).contains(&part)), "{at_once:?}");
 }

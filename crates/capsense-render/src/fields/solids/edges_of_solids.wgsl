@@ -24,6 +24,9 @@ fn gap_to(object: u32, edge: Edge, part: f32, to_next: vec2<f32>) -> f32 {
     return longer * thick * body.enter * min(abs(to_next.x), abs(to_next.y)) / edge.length;
 }
 
+// An edge ends at a face of a dielectric as a whole if so much of it is outside.
+const OUTSIDE: f32 = 0.25;
+
 fn is_round(object: u32) -> bool {
     let solid = solid_of(object);
     return kind_of(solid) == CAPSULE;
@@ -53,8 +56,10 @@ fn past_walls(around: Surroundings, object: u32) -> f32 {
     spans = on_edge;
     let cut = edge_rule(UNLINKED, around.background).through;
     let solid = solid_of(object);
-    let tube = tube_of(star_at(around.ends.x, around.edge.place), around.edge.axis, solid);
+    var tube = tube_of(star_at(around.ends.x, around.edge.place), around.edge.axis, solid);
     if (!is_in_bounds(solid, tube.middle, tube.half) || !has_edge_in(solid, tube.middle, tube.half)) { return cut; }
+    // Fields are strong where faces end, not along walls within.
+    tube.fringes *= min((1.0 - width_of(on_edge[object])) / OUTSIDE, 1.0);
     let part = part_covered(solid, tube, on_edge[object]);
     if (part >= 1.0) { return cut; }
     spans = on_edge;
