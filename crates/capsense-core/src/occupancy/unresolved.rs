@@ -7,7 +7,7 @@
 //! edges are links, however thin; but what is between two of them on one edge links no node, so that it is lost where gaps are not
 //! looked for ([`super::gaps`]), and what is between two ends that conductors hold always is.
 
-use super::parallel::is_lined;
+use super::parallel::WEAK;
 use super::{EdgeGeometry, Interface, Span, Surfaces};
 use crate::capacitance::own_potential;
 use crate::geometry::Aabb;
@@ -61,8 +61,10 @@ pub(crate) fn unresolved(
         let seen = look_at(mesh, weights, materials, surfaces, object);
         let is_inside = domain.contains(bounds.min) && domain.contains(bounds.max);
         match (interface, materials[object]) {
-            // Lines beside edges see these.
-            (Interface::EdgeCut, material) if is_lattice && is_lined(&material, surfaces.are_exact()) => {
+            // Lines beside edges see these. A thin sheet of a strong one carries so much that it matters which lines.
+            (Interface::EdgeCut, Material::Dielectric(permittivity))
+                if is_lattice && permittivity.value() < WEAK =>
+            {
                 false
             }
             (Interface::EdgeCut, Material::Conductor(_)) => {
