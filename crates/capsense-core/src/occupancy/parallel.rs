@@ -1,8 +1,7 @@
 //! Dielectrics on a lattice: the edge rule along parallel lines.
 //!
 //! An edge of a lattice carries the field of a box around it, up to half-way to its neighbours. The edge alone tells what is in
-//! series along it, but a dielectric lets the field pass along its surface as well, where what is beside each other adds up. So the
-//! edge's box is
+//! series along it, but a dielectric lets the field pass along its surface as well, where what is beside each other adds up. So the edge's box is
 //! taken as sixteen lines side by side, four in each quarter of the box that lies in one of the cells around the edge: along each
 //! line the parts are capacitors in series, and the lines are parallel capacitors, each with its share of the cross-section.
 //! This lies between the harmonic and the arithmetic mean over the box, and where the surface is normal to the edge, or along

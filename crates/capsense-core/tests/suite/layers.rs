@@ -49,14 +49,16 @@ type Allowed = [[f64; 2]; 4];
 #[test]
 fn errors_along_a_uniform_field_are_those_that_are_documented() {
     let of_weak: Allowed = [[-2.5, 1.0], [-1.6, -0.2], [-3.4, -1.0], [-5.5, -2.0]];
-    let of_strong: Allowed = [[-12.0, 8.0], [-6.0, 2.0], [-9.0, 0.0], [-13.0, 0.0]];
+    let of_strong: Allowed = [[-12.0, 8.0], [-6.0, 0.0], [-9.0, -4.0], [-13.0, -8.0]];
     for permittivity in [2.0, 4.0, 20.0, 80.0] {
         let allowed = if permittivity < 10.0 { of_weak } else { of_strong };
         for (degrees, [least, most]) in [0.0, 5.0, 15.0, 30.0].into_iter().zip(allowed) {
             let [mean, low, high] = summary(&errors(permittivity, degrees, CELLS)).map(|e| 100.0 * e);
             println!("| {permittivity} | {degrees} | {mean:+.1} | {low:+.1} to {high:+.1} |");
             assert!(least < low && high < most, "{permittivity}, {degrees}: {low} {high}");
-            assert!(degrees > 0.0 || permittivity >= 10.0 || mean.abs() < 0.1, "{permittivity}: {mean}");
+            // Edges within a strong body count as a whole, those outside as far as lines do.
+            let most_at_rest = if permittivity < 10.0 { 0.1 } else { 1.5 };
+            assert!(degrees > 0.0 || mean.abs() < most_at_rest, "{permittivity}: {mean}");
         }
     }
 }

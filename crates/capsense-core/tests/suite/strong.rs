@@ -1,5 +1,5 @@
 //! Strong dielectrics over three stripes, as exact solids, against lattices of eight million tetrahedra:
-//! `cargo test --release -p capsense-core --test suite strong::references -- --ignored --nocapture` prints what they change there anew.
+//! `cargo run --release -p capsense-core --example strong_bodies` prints what they change there anew.
 
 use crate::common::{dielectric, three_stripes, to};
 use capsense_core::geometry::{Pose, Shape};
@@ -62,7 +62,7 @@ fn simulator(tets: usize, permittivity: f64) -> Simulator {
 }
 
 /// The largest error, and the root of their mean square.
-fn errors(tets: usize) -> [f64; 2] {
+pub(crate) fn errors(tets: usize) -> [f64; 2] {
     let mut simulator = simulator(tets, PERMITTIVITY);
     let (mut largest, mut squares) = (0.0_f64, 0.0);
     for case in &CASES {
@@ -83,12 +83,6 @@ fn strong_bodies_change_what_they_do_on_finer_lattices() {
         println!("{found:.3?}");
         assert!(found[0] < largest && found[1] < mean, "{tets}: {found:?}");
     }
-}
-
-#[test]
-#[ignore = "prints what the cases are compared with; takes minutes"]
-fn references() {
-    println!("{:?}", errors(8_000_000));
 }
 
 /// One rule goes over into the other.

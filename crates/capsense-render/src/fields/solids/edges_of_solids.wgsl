@@ -27,10 +27,7 @@ fn gap_to(object: u32, edge: Edge, part: f32, to_next: vec2<f32>) -> f32 {
 // An edge ends at a face of a dielectric as a whole if so much of it is outside.
 const OUTSIDE: f32 = 0.25;
 
-fn is_round(object: u32) -> bool {
-    let solid = solid_of(object);
-    return kind_of(solid) == CAPSULE;
-}
+fn is_round(object: u32) -> bool { return solid_of(object).kind == CAPSULE; }
 
 // What an edge on which dielectrics are is, of which lines tell the more the weaker they are: `occupancy/parallel/strong.rs` of the core.
 fn on_strong(around: Surroundings, lines: f32) -> f32 {

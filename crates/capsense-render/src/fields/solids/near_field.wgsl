@@ -123,7 +123,7 @@ fn side_of(coordinate: f32) -> f32 { return select(-1.0, 1.0, coordinate >= 0.0)
 fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
     var angle: RightAngle;
     let size = solid.size;
-    if (kind_of(solid) == CYLINDER) {
+    if (solid.kind == CYLINDER) {
         let from_axis = length(point.xy);
         angle.exists = from_axis > STANDSTILL;
         if (!angle.exists) { return angle; }
@@ -220,14 +220,14 @@ fn log_over(x: f32) -> f32 {
 
 // A round surface as it is near a point: the smaller principal curvature in parts of the larger one.
 fn second_curvature(solid: Solid, point: vec3<f32>) -> f32 {
-    if (kind_of(solid) == CYLINDER) { return 0.0; }
+    if (solid.kind == CYLINDER) { return 0.0; }
     if (solid.size.z == 0.0) { return 1.0; }
     return clamp((abs(point.z) - solid.size.z) / solid.size.x + 0.5, 0.0, 1.0);
 }
 
 // Before its side, a cylinder has no ends.
 fn on_axis(solid: Solid, point: vec3<f32>) -> vec3<f32> {
-    if (kind_of(solid) == CYLINDER) { return vec3<f32>(0.0, 0.0, point.z); }
+    if (solid.kind == CYLINDER) { return vec3<f32>(0.0, 0.0, point.z); }
     return vec3<f32>(0.0, 0.0, clamp(point.z, -solid.size.z, solid.size.z));
 }
 
@@ -297,7 +297,7 @@ fn size_along(star: Star, direction: vec3<f32>) -> f32 {
 fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     let axis = on_axis(solid, point);
     var beside = 1.0;
-    if (kind_of(solid) == CYLINDER) {
+    if (solid.kind == CYLINDER) {
         let before_end = solid.size.z - abs(point.z);
         if (before_end <= 0.0) { return 0.0; }
         beside = min(before_end / size_along(star, solid.turn * vec3<f32>(0.0, 0.0, 1.0)), 1.0);
@@ -311,13 +311,13 @@ fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
 // How much of a node's links the edges of an object have if there is nothing else, and of what these leave what is round of it.
 fn own_shares(star: Star, solid: Solid, point: vec3<f32>) -> vec2<f32> {
     var shares = vec2<f32>(0.0);
-    if (kind_of(solid) != CAPSULE) {
+    if (solid.kind != CAPSULE) {
         let angle = nearest_angle(solid, point);
         if (angle.exists && all(abs(solid.turn * (angle.place - point)) <= star.reach)) {
             shares.x = share_of(star, solid, angle, point);
         }
     }
-    if (kind_of(solid) == CAPSULE || kind_of(solid) == CYLINDER) {
+    if (solid.kind == CAPSULE || solid.kind == CYLINDER) {
         shares.y = (1.0 - shares.x) * round_share(star, solid, point);
     }
     return shares;

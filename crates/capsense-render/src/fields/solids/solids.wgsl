@@ -49,8 +49,6 @@ const ALL: vec2<f32> = vec2<f32>(-3e38, 3e38);
 // A point of the sensor frame, in two parts.
 struct Spot { at: vec3<f32>, rest: vec3<f32> }
 
-fn kind_of(solid: Solid) -> u32 { return solid.kind; }
-
 fn is_hit(span: Span) -> bool { return span.enter <= span.leave; }
 
 fn spot_of(place: vec3<u32>) -> Spot {
@@ -74,7 +72,7 @@ fn absolute(turn: mat3x3<f32>) -> mat3x3<f32> { return mat3x3<f32>(abs(turn[0]),
 
 // Half the extents of a solid along its axes.
 fn half_size(solid: Solid) -> vec3<f32> {
-    return select(solid.size, solid.size + vec3<f32>(0.0, 0.0, solid.size.x), kind_of(solid) == CAPSULE);
+    return select(solid.size, solid.size + vec3<f32>(0.0, 0.0, solid.size.x), solid.kind == CAPSULE);
 }
 
 // The same along the axes of the sensor frame.
@@ -90,7 +88,7 @@ fn shrunk(solid: Solid) -> vec3<f32> { return solid.size * (1.0 - SHRINK); }
 
 fn solid_contains(solid: Solid, point: vec3<f32>) -> bool {
     let size = shrunk(solid);
-    switch kind_of(solid) {
+    switch solid.kind {
         case BOX: { return all(abs(point) < size); }
         case CAPSULE: {
             let beyond = max(abs(point.z) - solid.size.z, 0.0);
@@ -104,7 +102,7 @@ fn parts_by_face(solid: Solid, a: vec3<f32>, b: vec3<f32>) -> bool {
     let size = shrunk(solid);
     let low = min(a, b);
     let high = max(a, b);
-    switch kind_of(solid) {
+    switch solid.kind {
         case BOX: { return any(low >= size) || any(high <= -size); }
         case CAPSULE: { return false; }
         default: { return low.z >= size.z || high.z <= -size.z; }
@@ -114,7 +112,7 @@ fn parts_by_face(solid: Solid, a: vec3<f32>, b: vec3<f32>) -> bool {
 // Whether a box about a point of the solid's frame is all before one flat face.
 fn solid_misses(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
     let near = (abs(middle) - half) * (1.0 - BEYOND);
-    switch kind_of(solid) {
+    switch solid.kind {
         case BOX: { return any(near > solid.size); }
         case CAPSULE: { return false; }
         default: { return near.z > solid.size.z; }
@@ -167,7 +165,7 @@ fn hull_of(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
 
 fn interval(solid: Solid, start: vec3<f32>, along: vec3<f32>) -> vec2<f32> {
     let size = shrunk(solid);
-    switch kind_of(solid) {
+    switch solid.kind {
         case BOX: {
             let x = slab(start.x, along.x, size.x);
             let y = slab(start.y, along.y, size.y);
@@ -248,7 +246,7 @@ fn has_edge_in(solid: Solid, middle: vec3<f32>, half: vec3<f32>) -> bool {
     let centre = middle * solid.turn;
     let around = half * absolute(solid.turn);
     let size = solid.size * (1.0 - EDGES_WITHIN);
-    switch kind_of(solid) {
+    switch solid.kind {
         case BOX: { return has_straight_edge_in(solid, size, middle, half); }
         case CAPSULE: { return false; }
         default: {
