@@ -66,12 +66,6 @@ pub(super) fn touches(span: Span) -> [bool; 2] {
     [span.enter < SMALLEST_PART, span.exit > 1.0 - SMALLEST_PART]
 }
 
-/// What multiplies the weight of an edge that passes through one dielectric, given by its permittivity over the background's.
-#[inline]
-pub(super) fn past_one(span: Span, ratio: f64) -> f64 {
-    1.0 / series_past_one(span, ratio, [0.0, 1.0])
-}
-
 /// ∫ ε_background/ε dt from `a` to `b`, with one dielectric in between.
 #[inline]
 fn series_past_one(span: Span, ratio: f64, [a, b]: [f64; 2]) -> f64 {

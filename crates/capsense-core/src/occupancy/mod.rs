@@ -4,6 +4,7 @@
 //! dielectrics are capacitors in series, and a conductor ends the edge where its surface is. The other interface models,
 //! which fill whole elements, are told in [`Interface`].
 
+mod bars;
 mod camera_wall;
 mod changes;
 mod comparison;
@@ -29,13 +30,14 @@ mod surfaces;
 mod unresolved;
 mod unstructured;
 
+pub use bars::{BARS, Bars, Fill};
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
-pub(crate) use near_field::span_in_box;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
+pub(crate) use near_field::{larger, smaller, span_in_box};
 pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 

@@ -21,16 +21,18 @@
 //! What is different for strong dielectrics is in [`strong`]. Those that a camera sees are left to the edge rule and to
 //! [`super::camera_wall`].
 
-mod quarter;
+mod around;
+mod lines;
 mod strong;
 
-use super::coupling::{EdgeRule, past_one};
+use super::coupling::EdgeRule;
 use super::scene::is_electrode;
-use super::{LayersWithin, NO_OBJECT, Scene, Side, Span};
+use super::{Fill, LayersWithin, NO_OBJECT, Scene, Side, Span};
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::Edges;
-use quarter::{BodyLines, LINES, Quarter, quarters};
+use around::{Around, Quarter};
+use lines::{InFrame, LINES, Lines};
 use strong::PassedBy;
 
 /// Dielectrics below this relative permittivity are weak.
@@ -83,6 +85,20 @@ enum Filling {
     Parts,
 }
 
+/// How what is side by side in an edge's box adds up: by weights, or beside electrodes by their reciprocals.
+#[derive(Clone, Copy)]
+struct SideBySide {
+    are_in_series: bool,
+}
+
+impl SideBySide {
+    /// What is added up of a weight, or the weight of such a sum.
+    #[inline]
+    fn counted(self, through: f64) -> f64 {
+        if self.are_in_series { 1.0 / through } else { through }
+    }
+}
+
 impl Scene<'_> {
     /// What multiplies the weight of an edge that dielectrics alone are near, all of which are taken along lines; `None` where nothing is, or others
     /// are, on the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
@@ -99,37 +115,55 @@ impl Scene<'_> {
         if owners != [NO_OBJECT; 2] || !self.are_lined(on_edge) {
             return None;
         }
-        let is_beside_electrode = self.is_beside_electrode(edge)?;
+        let around = Around::edge(lattice, edge)?;
+        let mut near = self.dielectrics_near(around.bounds());
+        match (near.next()?, near.next()) {
+            (object, None) if self.surfaces.are_exact() => self.along_alone(edge, &around, object, on_edge),
+            _ => {
+                let lines = self.side_by_side(edge)?;
+                self.mean_over_quarters(edge, &around, |quarter, background| {
+                    self.through_some((&around, quarter), background, on_edge, lines, spans, breaks)
+                })
+            }
+        }
+    }
+
+    /// The same of an edge that one solid alone is near.
+    fn along_alone(
+        &self,
+        edge: usize,
+        around: &Around,
+        object: usize,
+        on_edge: &[(u16, Span)],
+    ) -> Option<f64> {
+        let body = InFrame::of(self.surfaces, object, around);
+        let side = body.side(around);
+        if side == Some(Side::Outside) {
+            return None;
+        }
+        let lines = self.side_by_side(edge)?;
+        self.mean_over_quarters(edge, around, |quarter, background| match side {
+            Some(_) => self.through_all(object, background, lines),
+            None => self.through_one(&body.lines(quarter, None), background, on_edge, lines),
+        })
+    }
+
+    /// What multiplies the weight of an edge whose quarters with their background's permittivity have such weights; `None` where all of them
+    /// are as without objects.
+    #[inline(always)]
+    fn mean_over_quarters(
+        &self,
+        edge: usize,
+        around: &Around,
+        mut through: impl FnMut(&Quarter, f64) -> Option<f64>,
+    ) -> Option<f64> {
         let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
-        for quarter in quarters(lattice, edge) {
+        for quarter in around.quarters() {
             let background = self.background_of(edge, &quarter);
-            let through = match self.filling(&quarter.bounds()) {
-                Filling::None => [1.0; LINES],
-                Filling::Even(object) => [self.through(object, background, Span::WHOLE)?; LINES],
-                Filling::Part(object, layers) => {
-                    let lines = BodyLines::of(self.surfaces, object, &quarter, layers);
-                    let found = lines.spans();
-                    let passed_by = self.passed_by(&lines, &found, on_edge, background);
-                    let mut through = [1.0; LINES];
-                    for (span, through) in found.into_iter().zip(&mut through) {
-                        if let Some(span) = span {
-                            *through =
-                                passed_by.of_line(span).through(self.through(object, background, span)?);
-                        }
-                    }
-                    through
-                }
-                Filling::Parts => self.through_several(background, &quarter, on_edge, spans, breaks)?,
-            };
-            is_met |= through != [1.0; LINES];
-            let count = LINES as f64;
-            let mean = if is_beside_electrode {
-                count / through.into_iter().map(f64::recip).sum::<f64>()
-            } else {
-                through.into_iter().sum::<f64>() / count
-            };
+            let through = through(&quarter, background)?;
+            is_met |= through != 1.0;
             let share = quarter.share * self.weight_of(background);
-            (sum, whole) = (sum + share * mean, whole + share);
+            (sum, whole) = (sum + share * through, whole + share);
         }
         is_met.then(|| sum / whole)
     }
@@ -144,41 +178,109 @@ impl Scene<'_> {
         if self.cells.is_some() { background } else { 1.0 }
     }
 
-    /// What multiplies the weights of the lines in a quarter that several dielectrics may be in; `None` where others than those taken along
+    /// What multiplies the weight of a quarter that one dielectric is in; `None` where it is not taken along lines.
+    #[inline]
+    fn through_one(
+        &self,
+        body: &Lines<'_>,
+        background: f64,
+        on_edge: &[(u16, Span)],
+        lines: SideBySide,
+    ) -> Option<f64> {
+        let ratio = self.ratio(body.object(), background)?;
+        let fill = body.fill();
+        if fill.part == Fill::NOTHING.part {
+            return Some(1.0);
+        }
+        let less = 1.0 / ratio - 1.0;
+        let passed_by = self.passed_by(body, &fill, on_edge, background);
+        let mut sum = 0.0;
+        for line in 0..LINES {
+            let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
+            let through = passed_by.of_length(length).through(1.0 / (1.0 + length * less));
+            sum += (1.0 - part) + part * lines.counted(through);
+        }
+        Some(lines.counted(sum / LINES as f64))
+    }
+
+    /// The same of a quarter that it fills.
+    #[inline]
+    fn through_all(&self, object: usize, background: f64, lines: SideBySide) -> Option<f64> {
+        let less = 1.0 / self.ratio(object, background)? - 1.0;
+        Some(lines.counted(lines.counted(1.0 / (1.0 + less))))
+    }
+
+    /// The same of a quarter that several may be in, or one that a camera sees.
+    fn through_some(
+        &self,
+        (around, quarter): (&Around, &Quarter),
+        background: f64,
+        on_edge: &[(u16, Span)],
+        lines: SideBySide,
+        spans: &mut Vec<(u16, Span)>,
+        breaks: &mut Vec<f64>,
+    ) -> Option<f64> {
+        match self.filling(&around.bounds_of(quarter)) {
+            Filling::None => Some(1.0),
+            Filling::Even(object) => self.through_all(object, background, lines),
+            Filling::Part(object, layers) => {
+                let body = InFrame::of(self.surfaces, object, around);
+                self.through_one(&body.lines(quarter, layers), background, on_edge, lines)
+            }
+            Filling::Parts => {
+                self.through_several((around, quarter), background, on_edge, lines, spans, breaks)
+            }
+        }
+    }
+
+    /// What multiplies the weight of a quarter that several dielectrics may be in; `None` where others than those taken along
     /// lines are on one of them.
     fn through_several(
         &self,
+        (around, quarter): (&Around, &Quarter),
         background: f64,
-        quarter: &Quarter,
         on_edge: &[(u16, Span)],
+        lines: SideBySide,
         spans: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
-    ) -> Option<[f64; LINES]> {
-        let bounds = quarter.bounds();
-        let mut through = [1.0; LINES];
-        for (line, through) in through.iter_mut().enumerate() {
-            spans.clear();
-            let mut passed_by = PassedBy::LINES_ALONE;
-            for object in self.dielectrics_near(&bounds) {
-                let lines = BodyLines::of(self.surfaces, object, quarter, None);
-                if let Some(span) = lines.span(line) {
+    ) -> Option<f64> {
+        let bounds = around.bounds_of(quarter);
+        let mut sum = 0.0;
+        for line in 0..LINES {
+            // What fills more of a line's cross-section is all around what fills less of it.
+            let mut rest = 1.0;
+            while rest > 0.0 {
+                spans.clear();
+                let (mut next, mut passed_by) = (0.0f64, PassedBy::LINES_ALONE);
+                for object in self.dielectrics_near(bounds) {
+                    let body = InFrame::of(self.surfaces, object, around);
+                    let body = body.lines(quarter, None);
+                    let fill = body.fill();
+                    let Some((part, span)) = fill.of(line) else { continue };
+                    if part < rest {
+                        next = next.max(part);
+                        continue;
+                    }
                     spans.push((object as u16, span));
-                    let other = self.passed_by(&lines, &lines.spans(), on_edge, background);
-                    passed_by = passed_by.and(other.of_line(span));
+                    let other = self.passed_by(&body, &fill, on_edge, background);
+                    passed_by = passed_by.and(other.of_length(span.exit - span.enter));
                 }
+                if !self.are_lined(spans) {
+                    return None;
+                }
+                let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
+                let through = passed_by.through(rule.coupling(breaks).through);
+                sum += (rest - next) * lines.counted(through);
+                rest = next;
             }
-            if !self.are_lined(spans) {
-                return None;
-            }
-            let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
-            *through = passed_by.through(rule.coupling(breaks).through);
         }
-        Some(through)
+        Some(lines.counted(sum / LINES as f64))
     }
 
     /// Dielectrics that may be in a box.
-    fn dielectrics_near(&self, bounds: &Aabb) -> impl Iterator<Item = usize> {
-        let is_near = |&object: &usize| !self.is_conductor(object) && self.bounds[object].intersects(bounds);
+    fn dielectrics_near(&self, bounds: Aabb) -> impl Iterator<Item = usize> {
+        let is_near =
+            move |&object: &usize| !self.is_conductor(object) && self.bounds[object].intersects(&bounds);
         (0..self.bounds.len()).filter(is_near)
     }
 
@@ -191,12 +293,12 @@ impl Scene<'_> {
         is_lined(&self.materials[object], self.surfaces.are_exact())
     }
 
-    /// What multiplies the weight of a line of which a dielectric alone fills a part; `None` for objects that are not taken along lines.
+    /// The permittivity of a dielectric over the background's; `None` for objects that are not taken along lines.
     #[inline]
-    fn through(&self, object: usize, background: f64, span: Span) -> Option<f64> {
+    fn ratio(&self, object: usize, background: f64) -> Option<f64> {
         match self.materials[object] {
             Material::Dielectric(permittivity) if self.is_lined(object) => {
-                Some(past_one(span, permittivity.value() / background))
+                Some(permittivity.value() / background)
             }
             _ => None,
         }
@@ -206,7 +308,7 @@ impl Scene<'_> {
     fn filling(&self, bounds: &Aabb) -> Filling {
         let (middle, half) = (0.5 * (bounds.min + bounds.max), 0.5 * bounds.size());
         let mut filling = Filling::None;
-        for object in self.dielectrics_near(bounds) {
+        for object in self.dielectrics_near(*bounds) {
             let layers = self.surfaces.layers_within(object, bounds);
             let side = match layers {
                 Some(layers) => layers.side_of([bounds.min.z, bounds.max.z]),
@@ -226,10 +328,10 @@ impl Scene<'_> {
         filling
     }
 
-    /// Whether an edge leads along an electrode or away from its rim; `None` if there is no such edge.
-    fn is_beside_electrode(&self, edge: usize) -> Option<bool> {
+    /// How lines beside an edge add up: in series if it leads along an electrode or away from its rim; `None` if there is no such edge.
+    fn side_by_side(&self, edge: usize) -> Option<SideBySide> {
         let ends = self.mesh.edges.ends(edge)?;
         let is_at_one = ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]));
-        Some(is_at_one && edge % 3 != ELECTRODE_NORMAL)
+        Some(SideBySide { are_in_series: is_at_one && edge % 3 != ELECTRODE_NORMAL })
     }
 }

@@ -1,6 +1,6 @@
 //! What the occupancy asks of surfaces, however they are known.
 
-use super::{Earlier, InvalidDepth, Regions, RightAngles, Round};
+use super::{Bars, Earlier, Fill, InvalidDepth, Regions, RightAngles, Round};
 use crate::geometry::Aabb;
 use glam::{DMat3, DVec3};
 
@@ -115,6 +115,11 @@ pub trait Surfaces: Sync {
     /// The part of a segment that lies in an object, both in the object's frame.
     fn span_in_frame(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.span(object, a, b)
+    }
+
+    /// What of bars is in an object, all in the object's frame: the whole cross-section where nothing but the middle line is asked.
+    fn fill_in_frame(&self, object: usize, bars: &Bars) -> Fill {
+        Fill::over(bars.starts.map(|start| self.span_in_frame(object, start, start + bars.way)))
     }
 
     /// Whether it is soon seen that an object certainly misses all of a box about a point, of some half size, along the axes

@@ -5,6 +5,7 @@
 //! (`convex`) or come from the triangles (`enclosed`), unless these are a box (`cuboid`). What may differ from one frame to the next follows from the
 //! poses alone (`surface_tree`).
 
+mod bars;
 mod convex;
 mod cuboid;
 mod enclosed;
@@ -14,7 +15,9 @@ mod weld;
 pub use weld::BadEdges;
 
 use crate::geometry::{Aabb, Pose, Shape};
-use crate::occupancy::{Earlier, Frame, Regions, RightAngles, Round, Side, Span, Surfaces, span_in_box};
+use crate::occupancy::{
+    Bars, Earlier, Fill, Frame, Regions, RightAngles, Round, Side, Span, Surfaces, span_in_box,
+};
 use convex::Convex;
 use cuboid::Cuboid;
 use enclosed::Enclosed;
@@ -292,6 +295,15 @@ impl Surfaces for Solids {
 
     fn span_in_frame(&self, object: usize, a: DVec3, b: DVec3) -> Option<Span> {
         self.solids[object].span(a, b)
+    }
+
+    fn fill_in_frame(&self, object: usize, bars: &Bars) -> Fill {
+        match &self.solids[object].body {
+            Body::Convex(convex) => convex.fill(bars),
+            Body::Enclosed(enclosed) => {
+                Fill::over(bars.starts.map(|start| enclosed.span(start, start + bars.way)))
+            }
+        }
     }
 
     fn misses(&self, object: usize, middle: DVec3, half: DVec3) -> bool {

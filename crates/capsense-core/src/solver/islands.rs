@@ -170,7 +170,7 @@ impl Islands {
         for &node in changed {
             edges.for_edges_at(node as usize, |edge, _| {
                 let is_strong_now =
-                    edges.ends(edge).is_some_and(are_free) && occupancy.contrast(edge) >= self.least_contrast;
+                    occupancy.contrast(edge) >= self.least_contrast && edges.ends(edge).is_some_and(are_free);
                 if is_strong_now && !is_strong[edge] {
                     strong.push(edge as u32);
                 }

@@ -204,6 +204,12 @@ fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
     return whole;
 }
 
+// Nothing but the middle line of a bar is asked.
+fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec3<f32>) -> Fill {
+    let span = object_span(object, edge, shift);
+    return Fill(select(0.0, 1.0, span.enter <= span.leave), span);
+}
+
 // How steeply faces between two depths rise or fall from the pixel around a place to the next one on some side of it; zero where that
 // misses the object.
 fn slope_beside(object: u32, place: vec2<f32>, axis: u32, direction: i32, depths: vec2<f32>) -> f32 {

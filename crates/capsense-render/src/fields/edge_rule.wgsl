@@ -4,6 +4,7 @@
 //     fn set_anchor(place: vec3<u32>)
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
 //     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
+//     fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec3<f32>) -> Fill, of a bar about that segment that reaches so far
 //     fn gap_to(object: u32, edge: Edge, along: f32, to_next: vec2<f32>) -> f32, from a place on an edge to an object in one direction
 //     fn is_round(object: u32) -> bool, whether it has no edges
 //     fn on_strong(around: Surroundings, lines: f32) -> f32, of an edge on which dielectrics are, of which lines make `lines`
@@ -115,6 +116,9 @@ fn along(edge: Edge) -> vec3<f32> {
     return way;
 }
 
+// What of a bar is in an object: a part of its cross-section over a part of its length.
+struct Fill { part: f32, span: Span }
+
 // Finds what fills the segment beside an edge, and returns whether anything does.
 fn find_spans(edge: Edge, shift: vec3<f32>) -> bool {
     var is_any = false;
@@ -158,12 +162,23 @@ fn strength_of(object: u32, background: f32) -> f32 {
 // Where lines pass a quarter, in parts of half its widths from its middle.
 const PLACES = array<vec2<f32>, 4>(vec2<f32>(-0.75f, -0.25f), vec2<f32>(-0.25f, 0.75f), vec2<f32>(0.25f, -0.75f), vec2<f32>(0.75f, 0.25f));
 
+// How far what a line stands for reaches beside it, in the same parts.
+const REACH: f32 = 0.25f;
+
 // From an edge to a line of the quarter that reaches half of the ways to the next edges.
 fn shift_to(edge: Edge, to_next: vec2<f32>, line: u32) -> vec3<f32> {
     var shift = vec3<f32>();
     shift[(edge.axis + 1u) % 3u] = 0.25 * to_next.x * (1.0 + PLACES[line].x);
     shift[(edge.axis + 2u) % 3u] = 0.25 * to_next.y * (1.0 + PLACES[line].y);
     return shift;
+}
+
+// What of a line of such a quarter is in an object, as a bar of a quarter of the quarter's widths.
+fn line_fill(object: u32, edge: Edge, to_next: vec2<f32>, line: u32) -> Fill {
+    var reach = vec3<f32>();
+    reach[(edge.axis + 1u) % 3u] = REACH * 0.25 * abs(to_next.x);
+    reach[(edge.axis + 2u) % 3u] = REACH * 0.25 * abs(to_next.y);
+    return object_fill(object, edge, shift_to(edge, to_next, line), reach);
 }
 
 // By object: the gap between an edge and the part of a strong one in a quarter, as far as it counts, in parts of the edge; and how much its
@@ -183,10 +198,10 @@ fn passed_by(around: Surroundings, to_next: vec2<f32>, background: f32) -> array
         var all = 0.0;
         var sum = 0.0;
         for (var line = 0u; line < 4u; line++) {
-            let span = object_span(object, around.edge, shift_to(around.edge, to_next, line));
-            let filled = max(span.leave - span.enter, 0.0);
+            let fill = line_fill(object, around.edge, to_next, line);
+            let filled = fill.part * max(fill.span.leave - fill.span.enter, 0.0);
             all += filled;
-            sum += 0.5 * filled * (span.enter + span.leave);
+            sum += 0.5 * filled * (fill.span.enter + fill.span.leave);
         }
         if (all > 0.0) { gaps[object].x = strength * gap_to(object, around.edge, sum / all, to_next); }
     }
@@ -217,31 +232,44 @@ fn along_lines(around: Surroundings, is_along_electrode: bool) -> f32 {
         let to_next = vec2<f32>(to_u, to_v);
         var gaps: array<vec2<f32>, OBJECTS>;
         if (HAS_STRONG) { gaps = passed_by(around, to_next, of_cell); }
-        var parallel = 0.0;
-        var in_series = 0.0;
+        var of_lines = 0.0;
         for (var line = 0u; line < 4u; line++) {
-            var through = 1.0;
-            if (find_spans(edge, shift_to(edge, to_next, line))) {
+            var fills: array<Fill, OBJECTS>;
+            for (var object = 0u; object < objects; object++) {
+                fills[object] = Fill(0.0, MISSED);
+                if (is_conductor(object) || !is_beside(object, edge)) { continue; }
+                fills[object] = line_fill(object, edge, to_next, line);
+                is_any = is_any || fills[object].part > 0.0;
+            }
+            // What fills more of a line's cross-section is all around what fills less of it.
+            var rest = 1.0;
+            while (rest > 0.0) {
+                var next = 0.0;
                 var gap = 0.0;
                 var part = 1.0;
                 for (var object = 0u; object < objects; object++) {
-                    if (is_conductor(object)) { spans[object] = MISSED; }
-                    if (!is_met(object)) { continue; }
-                    is_any = true;
+                    let fill = fills[object];
+                    spans[object] = MISSED;
+                    if (fill.part < rest) {
+                        next = max(next, fill.part);
+                        continue;
+                    }
+                    spans[object] = fill.span;
                     if (HAS_STRONG) {
-                        gap = max(gap, (spans[object].leave - spans[object].enter) * gaps[object].x);
+                        gap = max(gap, (fill.span.leave - fill.span.enter) * gaps[object].x);
                         part = min(part, gaps[object].y);
                     }
                 }
                 if (!all_lined()) { return -1.0; }
-                through = edge_rule(vec2<u32>(NO_OBJECT), of_cell).through;
+                var through = edge_rule(vec2<u32>(NO_OBJECT), of_cell).through;
                 if (gap > 0.0 && through > 1.0) { through = 1.0 / min(1.0 / through + gap, 1.0); }
                 if (part < 1.0) { through = 1.0 + part * (through - 1.0); }
+                of_lines += (rest - next) * select(through, 1.0 / through, is_along_electrode);
+                rest = next;
             }
-            parallel += through;
-            in_series += 1.0 / through;
         }
-        sum += share * select(0.25 * parallel, 4.0 / in_series, is_along_electrode);
+        let mean = 0.25 * of_lines;
+        sum += share * select(mean, 1.0 / mean, is_along_electrode);
         whole += share;
     }
     return select(-1.0, sum / max(whole, LEAST), is_any && whole > 0.0);

@@ -54,7 +54,7 @@ use link::Unlinked;
 use look::Look;
 use nodes_anew::{NodesAnew, Room};
 use row::{FindNearest, NearestEdges};
-pub(super) use row::{larger, smaller};
+pub(crate) use row::{larger, smaller};
 use star::{FAR, Stars, StarsInRow};
 pub(super) use star::{Row, Star};
 

@@ -244,12 +244,12 @@ fn may_be_near(outside: [f64; 3], reach: [f64; 3]) -> bool {
 
 /// The larger of two numbers; simpler than [`f64::max`], as neither is NaN.
 #[inline(always)]
-pub(in super::super) fn larger(a: f64, b: f64) -> f64 {
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
     either(a > b, a, b)
 }
 
 #[inline(always)]
-pub(in super::super) fn smaller(a: f64, b: f64) -> f64 {
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     either(a < b, a, b)
 }
 

@@ -14,8 +14,8 @@
 //! How strong a body is, is 1 - (10/ε)², ε over the background's: nothing up to ten, where lines alone are best, and one for conductors. So nothing
 //! jumps as a permittivity changes. Measured, beside what the edge rule and lines alone make of the same bodies: `docs/interface.md`.
 
-use super::quarter::{BodyLines, LINES};
-use super::{Scene, Span, WEAK};
+use super::lines::{LINES, Lines};
+use super::{Fill, Scene, Span, WEAK};
 use crate::material::Material;
 
 /// A gap counts as a whole if it is longer by this part of the way to the next edge than what is between that and the body, which is as
@@ -35,9 +35,10 @@ impl PassedBy {
     /// Lines are all that counts.
     pub(super) const LINES_ALONE: Self = Self { gap: 0.0, part: 1.0 };
 
-    /// The same of a line of which a part is in the body.
-    pub(super) fn of_line(self, span: Span) -> Self {
-        Self { gap: (span.exit - span.enter) * self.gap, ..self }
+    /// The same of a line of which so long a part is in the body.
+    #[inline(always)]
+    pub(super) fn of_length(self, length: f64) -> Self {
+        Self { gap: length * self.gap, ..self }
     }
 
     /// Of two bodies on one line, what counts most of either.
@@ -46,10 +47,13 @@ impl PassedBy {
     }
 
     /// What multiplies the weight of a line that would have `through` by itself: no less than without bodies that raise it.
+    #[inline(always)]
     pub(super) fn through(self, through: f64) -> f64 {
-        let is_behind = self.gap > 0.0 && through > 1.0;
-        let behind = if is_behind { 1.0 / (1.0 / through + self.gap).min(1.0) } else { through };
-        if self.part < 1.0 { 1.0 + self.part * (behind - 1.0) } else { behind }
+        if self.gap == 0.0 && self.part == 1.0 {
+            return through;
+        }
+        let behind = if through > 1.0 { 1.0 / (1.0 / through + self.gap).min(1.0) } else { through };
+        1.0 + self.part * (behind - 1.0)
     }
 }
 
@@ -77,27 +81,31 @@ impl Scene<'_> {
         strongest.filter(|(_, strength)| *strength > 0.0)
     }
 
-    /// What an edge makes of a body in a quarter of its box: nothing but lines where the body is weak or on the edge itself. `found` is what of
+    /// What an edge makes of a body in a quarter of its box: nothing but lines where the body is weak or on the edge itself. `fill` is what of
     /// the lines is in the body.
     pub(super) fn passed_by(
         &self,
-        lines: &BodyLines<'_>,
-        found: &[Option<Span>; LINES],
+        lines: &Lines<'_>,
+        fill: &Fill,
         on_edge: &[(u16, Span)],
         background: f64,
     ) -> PassedBy {
+        if on_edge.iter().any(|(object, _)| usize::from(*object) == lines.object()) {
+            return PassedBy::LINES_ALONE;
+        }
         let strength = self.strength(lines.object(), background);
-        if strength == 0.0 || on_edge.iter().any(|(object, _)| usize::from(*object) == lines.object()) {
+        if strength == 0.0 {
             return PassedBy::LINES_ALONE;
         }
         if self.surfaces.roundness(lines.object()).is_some() {
             return PassedBy { gap: 0.0, part: 1.0 - strength };
         }
-        let weigh = |(all, sum): (f64, f64), span: &Span| {
-            let length = span.exit - span.enter;
-            (all + length, sum + 0.5 * length * (span.enter + span.exit))
-        };
-        let (all, sum) = found.iter().flatten().fold((0.0, 0.0), weigh);
+        let (mut all, mut sum) = (0.0, 0.0);
+        for line in 0..LINES {
+            let [enter, exit] = [fill.enter[line], fill.exit[line]];
+            let volume = fill.part[line] * (exit - enter);
+            (all, sum) = (all + volume, sum + 0.5 * volume * (enter + exit));
+        }
         if all == 0.0 {
             return PassedBy::LINES_ALONE;
         }

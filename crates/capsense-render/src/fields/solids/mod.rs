@@ -86,6 +86,7 @@ fn kind_and_size(solids: &Solids, object: usize) -> Option<(u32, DVec3)> {
 pub(super) fn source() -> String {
     let files = [
         include_str!("solids.wgsl"),
+        include_str!("bars.wgsl"),
         include_str!("../right_angle.wgsl"),
         include_str!("near_field.wgsl"),
         include_str!("silhouette.wgsl"),
