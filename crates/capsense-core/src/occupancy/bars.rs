@@ -13,8 +13,16 @@ pub struct Bars {
     pub starts: [DVec3; BARS],
     /// From there to its end.
     pub way: DVec3,
+    /// From the middle of the cross-section to the middles of two of its sides.
+    pub across: [DVec3; 2],
+}
+
+impl Bars {
     /// How far the cross-section reaches from its middle along each axis.
-    pub half: DVec3,
+    #[inline]
+    pub fn reach(&self) -> DVec3 {
+        self.across[0].abs() + self.across[1].abs()
+    }
 }
 
 /// What of each bar is in an object: a part of its cross-section, over a part of its length.

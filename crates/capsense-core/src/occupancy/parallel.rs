@@ -99,6 +99,18 @@ impl SideBySide {
     }
 }
 
+/// What multiplies the weight of a line of which a dielectric fills so long a part, of such a permittivity over the background's.
+#[inline(always)]
+fn over_length(length: f64, ratio: f64) -> f64 {
+    1.0 / ((1.0 - length) + length / ratio)
+}
+
+/// Of equal numbers exactly what they are.
+#[inline(always)]
+fn mean([a, b, c, d]: [f64; LINES]) -> f64 {
+    0.25 * ((a + b) + (c + d))
+}
+
 impl Scene<'_> {
     /// What multiplies the weight of an edge that dielectrics alone are near, all of which are taken along lines; `None` where nothing is, or others
     /// are, on the edge or along its lines. Conductors count where they are on the edge, which they end. `on_edge` are the spans of the edge,
@@ -192,22 +204,21 @@ impl Scene<'_> {
         if fill.part == Fill::NOTHING.part {
             return Some(1.0);
         }
-        let less = 1.0 / ratio - 1.0;
         let passed_by = self.passed_by(body, &fill, on_edge, background);
-        let mut sum = 0.0;
-        for line in 0..LINES {
+        let mut of_lines = [0.0; LINES];
+        for (line, of_line) in of_lines.iter_mut().enumerate() {
             let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
-            let through = passed_by.of_length(length).through(1.0 / (1.0 + length * less));
-            sum += (1.0 - part) + part * lines.counted(through);
+            let through = passed_by.of_length(length).through(over_length(length, ratio));
+            *of_line = (1.0 - part) + part * lines.counted(through);
         }
-        Some(lines.counted(sum / LINES as f64))
+        Some(lines.counted(mean(of_lines)))
     }
 
     /// The same of a quarter that it fills.
     #[inline]
     fn through_all(&self, object: usize, background: f64, lines: SideBySide) -> Option<f64> {
-        let less = 1.0 / self.ratio(object, background)? - 1.0;
-        Some(lines.counted(lines.counted(1.0 / (1.0 + less))))
+        let through = over_length(1.0, self.ratio(object, background)?);
+        Some(lines.counted(lines.counted(through)))
     }
 
     /// The same of a quarter that several may be in, or one that a camera sees.
@@ -245,8 +256,8 @@ impl Scene<'_> {
         breaks: &mut Vec<f64>,
     ) -> Option<f64> {
         let bounds = around.bounds_of(quarter);
-        let mut sum = 0.0;
-        for line in 0..LINES {
+        let mut of_lines = [0.0; LINES];
+        for (line, of_line) in of_lines.iter_mut().enumerate() {
             // What fills more of a line's cross-section is all around what fills less of it.
             let mut rest = 1.0;
             while rest > 0.0 {
@@ -268,13 +279,18 @@ impl Scene<'_> {
                 if !self.are_lined(spans) {
                     return None;
                 }
-                let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: self.materials, background };
-                let through = passed_by.through(rule.coupling(breaks).through);
-                sum += (rest - next) * lines.counted(through);
+                let through = if let &[(object, Span { enter, exit })] = &spans[..] {
+                    // As if it were alone, to the bit.
+                    over_length(exit - enter, self.ratio(usize::from(object), background)?)
+                } else {
+                    let owners = [NO_OBJECT; 2];
+                    EdgeRule { owners, spans, materials: self.materials, background }.coupling(breaks).through
+                };
+                *of_line += (rest - next) * lines.counted(passed_by.through(through));
                 rest = next;
             }
         }
-        Some(lines.counted(sum / LINES as f64))
+        Some(lines.counted(mean(of_lines)))
     }
 
     /// Dielectrics that may be in a box.

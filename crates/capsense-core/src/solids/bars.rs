@@ -8,7 +8,7 @@
 use super::convex::Convex;
 use crate::instructions::vectorised;
 use crate::occupancy::{BARS, Bars, Fill, larger, smaller};
-use glam::DVec2;
+use glam::DVec3;
 
 /// Bars are no thinner than this, in metres: by less nothing can be divided.
 const LEAST_REACH: f64 = 1e-100;
@@ -16,34 +16,40 @@ const LEAST_REACH: f64 = 1e-100;
 /// What is missing from a cross-section is the same all along a bar if it differs by less than this from end to end.
 const EVEN: f64 = 1e-6;
 
+/// Directions are along each other if they differ by no more than this.
+const ALONG: f64 = 1e-9;
+
 impl Convex {
-    /// What of each bar is in the solid.
+    /// What of each bar is in the solid: nothing of those that are outside, all of those that are inside.
     pub(super) fn fill(&self, bars: &Bars) -> Fill {
         let mut fill = Fill::WHOLE;
         let is_met = match *self {
             Self::Box(half) => vectorised(
                 #[inline(always)]
                 || {
-                    keep_between(&mut fill, bars, 0, half.x)
-                        && keep_between(&mut fill, bars, 1, half.y)
-                        && keep_between(&mut fill, bars, 2, half.z)
+                    let all_partial = [0, 1, 2].map(|axis| keep_between(&mut fill, bars, axis, half[axis]));
+                    let partial = all_partial.into_iter().flatten().filter(|is_partial| *is_partial).count();
+                    if partial > 1 {
+                        keep_where_not_apart(&mut fill, bars, half);
+                    }
+                    all_partial.iter().all(Option::is_some)
                 },
             ),
-            Self::Cylinder { radius, half_length } => {
-                let is_met = keep_between(&mut fill, bars, 2, half_length);
-                if is_met && is_along_axis(bars) {
+            Self::Cylinder { radius, half_length } if is_aligned(bars) => {
+                let is_met = keep_between(&mut fill, bars, 2, half_length).is_some();
+                if is_along_z(bars.way) {
                     keep_about_axis(&mut fill, bars, radius);
-                } else if is_met {
+                } else {
                     keep_interval(&mut fill, bars, &Self::Cylinder { radius, half_length: f64::INFINITY });
                 }
                 is_met
             }
-            Self::Capsule { radius, half_length } if half_length > 0.0 && is_along_axis(bars) => {
+            Self::Capsule { radius, half_length } if half_length > 0.0 && is_along_z(bars.way) => {
                 keep_about_axis(&mut fill, bars, radius);
-                keep_between_caps(&mut fill, bars, [radius, half_length]);
+                keep_between_caps(&mut fill, bars, self);
                 true
             }
-            Self::Capsule { .. } => {
+            Self::Cylinder { .. } | Self::Capsule { .. } => {
                 keep_interval(&mut fill, bars, self);
                 true
             }
@@ -52,25 +58,31 @@ impl Convex {
     }
 }
 
-/// Whether bars lead so nearly along z that they move sideways by less than they are thick.
-fn is_along_axis(bars: &Bars) -> bool {
-    bars.way.truncate().length_squared() < 4.0 * bars.half.truncate().length_squared()
+fn is_along_z(way: DVec3) -> bool {
+    way.truncate().length_squared() <= ALONG * ALONG * way.length_squared()
 }
 
-/// Keeps what is left between the faces across an axis, so far from the origin; returns whether that may be anything.
+/// Whether the sides of bars are along the z axis and across it.
+fn is_aligned(bars: &Bars) -> bool {
+    let is_across_z = |way: DVec3| way.z.abs() <= ALONG * way.length();
+    [bars.way, bars.across[0], bars.across[1]].into_iter().all(|way| is_along_z(way) || is_across_z(way))
+}
+
+/// Keeps what is left between the faces across an axis, so far from the origin; returns whether that may be a part alone, and `None` if it is
+/// nothing.
 #[inline(always)]
-fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> bool {
+fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> Option<bool> {
     let [a, b, c, d] = bars.starts;
     let starts = [a[axis], b[axis], c[axis], d[axis]];
-    let (way, reach) = (bars.way[axis], bars.half[axis]);
+    let (way, reach) = (bars.way[axis], bars.reach()[axis]);
     let least = smaller(smaller(starts[0], starts[1]), smaller(starts[2], starts[3]));
     let most = larger(larger(starts[0], starts[1]), larger(starts[2], starts[3]));
     let (least, most) = (least + smaller(way, 0.0) - reach, most + larger(way, 0.0) + reach);
     if least >= -half && most <= half {
-        return true;
+        return Some(false);
     }
     if least >= half || most <= -half {
-        return false;
+        return None;
     }
     let (lines, faces) = (Lines::new(way, reach), [-half, half]);
     if lines.are_even() {
@@ -86,27 +98,86 @@ fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> bool {
             keep(fill, bar, lines.left(start, faces));
         }
     }
-    true
+    Some(true)
 }
 
-/// Keeps what the side of a cylinder about the z axis leaves of bars that are nearly along it.
-fn keep_about_axis(fill: &mut Fill, bars: &Bars, radius: f64) {
+/// Keeps nothing of bars that a plane parts from a box, which its faces by themselves do not tell, and little of those that nearly are.
+#[cold]
+fn keep_where_not_apart(fill: &mut Fill, bars: &Bars, half: DVec3) {
+    let [way, first, second] = [0.5 * bars.way, bars.across[0], bars.across[1]];
     for bar in 0..BARS {
-        let [from, to] = [bars.starts[bar], bars.starts[bar] + bars.way].map(|end| end.truncate());
-        let outwards = (0.5 * (from + to)).normalize_or(DVec2::X);
-        let lines = Lines::new(to.length() - from.length(), bars.half.truncate().dot(outwards.abs()));
-        let beyond_axis = -radius - 2.0 * lines.reach;
-        keep(fill, bar, lines.left(from.length(), [beyond_axis, radius]));
+        if fill.part[bar] == 0.0 {
+            continue;
+        }
+        let centre = bars.starts[bar] + way;
+        // How far both reach into each other along a direction.
+        let overlap = |normal: DVec3| {
+            let reach = normal.dot(way).abs() + normal.dot(first).abs() + normal.dot(second).abs();
+            normal.abs().dot(half) + reach - normal.dot(centre).abs()
+        };
+        let length = overlap(way) / (2.0 * way.length_squared());
+        fill.exit[bar] = smaller(fill.exit[bar], fill.enter[bar] + larger(length, 0.0));
+        let mut part = f64::INFINITY;
+        let mut trim = |normal: DVec3, thickness: f64| {
+            part = smaller(part, overlap(normal) / larger(2.0 * thickness, LEAST_REACH));
+        };
+        trim(first, first.length_squared());
+        trim(second, second.length_squared());
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            for side in [way, first, second] {
+                let normal = axis.cross(side);
+                if normal.length_squared() > ALONG * side.length_squared() {
+                    trim(normal, normal.dot(first).abs() + normal.dot(second).abs());
+                }
+            }
+        }
+        fill.part[bar] = within(part, fill.part[bar]);
     }
 }
 
-/// Keeps what the round ends of a capsule leave of the same.
-fn keep_between_caps(fill: &mut Fill, bars: &Bars, [radius, half_length]: [f64; 2]) {
-    let lines = Lines::new(bars.way.z, bars.half.z);
+/// Places of a cross-section, in parts of its half sides: its corners, the middles of its sides, and its middle.
+const OF_CROSS_SECTION: [[f64; 2]; 9] = [
+    [-1.0, -1.0],
+    [1.0, -1.0],
+    [-1.0, 1.0],
+    [1.0, 1.0],
+    [0.0, -1.0],
+    [0.0, 1.0],
+    [-1.0, 0.0],
+    [1.0, 0.0],
+    [0.0, 0.0],
+];
+
+/// Where the line of a bar that is along the z axis and next to it starts, and how far it and the farthest are from the axis.
+fn nearest_to_axis(bars: &Bars, bar: usize) -> (DVec3, [f64; 2]) {
+    let [first, second] = bars.across;
+    let mut nearest = (bars.starts[bar], f64::INFINITY);
+    let mut farthest = 0.0;
+    for [along_first, along_second] in OF_CROSS_SECTION {
+        let start = bars.starts[bar] + along_first * first + along_second * second;
+        let distance = start.truncate().length();
+        if distance < nearest.1 {
+            nearest = (start, distance);
+        }
+        farthest = larger(farthest, distance);
+    }
+    (nearest.0, [nearest.1, farthest])
+}
+
+/// Keeps what the side of a cylinder about the z axis leaves of bars that are along it.
+fn keep_about_axis(fill: &mut Fill, bars: &Bars, radius: f64) {
     for bar in 0..BARS {
-        let beside = (bars.starts[bar] + 0.5 * bars.way).truncate().length_squared();
-        let end = half_length + (radius * radius - beside).max(0.0).sqrt();
-        keep(fill, bar, lines.left(bars.starts[bar].z, [-end, end]));
+        let (_, [nearest, farthest]) = nearest_to_axis(bars, bar);
+        fill.part[bar] *= within((radius - nearest) / larger(farthest - nearest, LEAST_REACH), 1.0);
+    }
+}
+
+/// Keeps what the round ends of a capsule leave of the same, as of the line next to the axis.
+fn keep_between_caps(fill: &mut Fill, bars: &Bars, capsule: &Convex) {
+    for bar in 0..BARS {
+        let (start, _) = nearest_to_axis(bars, bar);
+        let [enter, exit] = capsule.interval(start, bars.way).unwrap_or_default();
+        keep(fill, bar, Left { part: 1.0, enter, exit });
     }
 }
 
@@ -224,4 +295,123 @@ impl Lines {
 #[inline(always)]
 fn within(number: f64, most: f64) -> f64 {
     smaller(larger(number, 0.0), most)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use glam::DQuat;
+    use proptest::prelude::*;
+
+    /// Four bars side by side about a place, so long, wide and high, along x but for a rotation.
+    fn bars(rotation: DQuat, middle: DVec3, size: DVec3) -> Bars {
+        let [way, width, height] = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
+        let starts = [[-1.5, -0.5], [-0.5, 1.5], [0.5, -1.5], [1.5, 0.5]]
+            .map(|[wide, high]| middle + rotation * (wide * width + high * height - 0.5 * way));
+        Bars { starts, way: rotation * way, across: [0.5 * (rotation * width), 0.5 * (rotation * height)] }
+    }
+
+    fn volumes(fill: &Fill) -> [f64; BARS] {
+        std::array::from_fn(|bar| fill.part[bar] * (fill.exit[bar] - fill.enter[bar]))
+    }
+
+    fn rotations() -> impl Strategy<Value = DQuat> {
+        let part = -1.0..1.0;
+        [part.clone(), part.clone(), part.clone(), part].prop_filter_map("too short", |[x, y, z, w]| {
+            let rotation = DQuat::from_xyzw(x, y, z, w);
+            (rotation.length() > 0.1).then(|| rotation.normalize())
+        })
+    }
+
+    fn vectors(size: std::ops::Range<f64>) -> impl Strategy<Value = DVec3> {
+        [size.clone(), size.clone(), size].prop_map(DVec3::from_array)
+    }
+
+    proptest! {
+        /// Of bars along the axes of a box the volume is known, whatever is thinner than what.
+        #[test]
+        fn boxes_along_bars_fill_what_they_overlap(
+            half in vectors(0.05..2.0),
+            middle in vectors(-2.0..2.0),
+            size in vectors(0.05..2.0),
+        ) {
+            let bars = bars(DQuat::IDENTITY, middle, size);
+            let found = volumes(&Convex::Box(half).fill(&bars));
+            for (bar, start) in bars.starts.into_iter().enumerate() {
+                let centre = start + 0.5 * bars.way;
+                let overlap = ((centre + 0.5 * size).min(half) - (centre - 0.5 * size).max(-half)).max(DVec3::ZERO) / size;
+                prop_assert!((found[bar] - overlap.element_product()).abs() < 1e-9, "{} {overlap}", found[bar]);
+            }
+        }
+
+        /// A body that moves a little takes or leaves little of a bar, however either is turned.
+        #[test]
+        fn bodies_that_move_fill_bars_evenly(
+            rotation in prop_oneof![Just(DQuat::IDENTITY), Just(DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2)), rotations()],
+            half in vectors(0.3..2.0),
+            middle in vectors(-2.0..2.0),
+            size in vectors(0.3..1.0),
+            direction in 0..3usize,
+        ) {
+            let step = 1e-4;
+            let [mut now, mut then] = [middle, middle];
+            now[direction] -= 0.5 * step;
+            then[direction] += 0.5 * step;
+            let (radius, half_length) = (half.x, half.z);
+            // Chords near the side of something round are as the root of what is left.
+            for (solid, most) in [
+                (Convex::Box(half), 4e-3),
+                (Convex::Cylinder { radius, half_length }, 0.15),
+                (Convex::Capsule { radius, half_length }, 0.15),
+                (Convex::Capsule { radius, half_length: 0.0 }, 0.15),
+            ] {
+                let [now, then] = [now, then].map(|middle| volumes(&solid.fill(&bars(rotation, middle, size))));
+                for bar in 0..BARS {
+                    prop_assert!((now[bar] - then[bar]).abs() < most, "{solid:?} {} {}", now[bar], then[bar]);
+                }
+            }
+        }
+
+        /// Nothing is told of bars that no point of is in the body: of a box that is turned against them, that is more than its faces tell.
+        #[test]
+        fn bars_outside_are_empty(
+            rotation in prop_oneof![Just(DQuat::IDENTITY), Just(DQuat::from_rotation_z(0.7)), rotations()],
+            half in vectors(0.3..1.0),
+            middle in vectors(-2.0..2.0),
+            size in vectors(0.3..2.0),
+        ) {
+            let bars = bars(rotation, middle, size);
+            let (radius, half_length) = (half.x, half.z);
+            let solids = [
+                Convex::Box(half),
+                Convex::Cylinder { radius, half_length },
+                Convex::Capsule { radius, half_length },
+            ];
+            for solid in solids {
+                let fill = solid.fill(&bars);
+                for bar in (0..BARS).filter(|&bar| fill.part[bar] * (fill.exit[bar] - fill.enter[bar]) > 2e-2) {
+                    let parts = |count: u32| (0..=count).map(move |k| f64::from(k) / f64::from(count));
+                    let is_met = parts(24).any(|along| parts(8).any(|wide| parts(8).any(|high| {
+                        let [wide, high] = [wide, high].map(|part| 2.0 * part - 1.0);
+                        let point = bars.starts[bar] + along * bars.way + wide * bars.across[0] + high * bars.across[1];
+                        solid.contains(point)
+                    })));
+                    prop_assert!(is_met, "{solid:?} {fill:?}");
+                }
+            }
+        }
+
+        /// What is all inside is told to be so, and what is all outside.
+        #[test]
+        fn bars_within_and_beside_are_whole_and_empty(rotation in rotations(), place in vectors(-0.2..0.2)) {
+            let size = DVec3::splat(0.1);
+            let (half, radius, half_length) = (DVec3::splat(1.0), 1.0, 1.0);
+            for solid in [Convex::Box(half), Convex::Cylinder { radius, half_length }, Convex::Capsule { radius, half_length }] {
+                prop_assert_eq!(solid.fill(&bars(rotation, place, size)), Fill::WHOLE);
+                let beside = solid.fill(&bars(rotation, place + 4.0 * DVec3::X, size));
+                prop_assert_eq!(beside.part, Fill::NOTHING.part);
+            }
+        }
+    }
 }

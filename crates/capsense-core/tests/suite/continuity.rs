@@ -1,17 +1,18 @@
-//! Capacitances follow a conducting bar without steps against its way, wherever its faces pass planes of nodes.
+//! Capacitances follow a bar without steps against its way, wherever its faces pass planes of nodes.
 
-use crate::common::{bar, conductor, depth_of_boxes, stripes_sensor, three_stripes, to};
+use crate::common::{bar, depth_of_boxes, dielectric, stripes_sensor, three_stripes, to};
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::glam::DVec3;
-use capsense_core::material::Connection;
+use capsense_core::material::{Connection, Material};
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::Simulator;
 use capsense_core::solids::Solids;
 
-/// C11 and C22 for a bar with its lower face at these heights and shifted along y, in millimetres.
-fn sweep(sensor: Sensor, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
-    let grounded = vec![conductor(Connection::Grounded)];
-    let mut simulator = Simulator::new(sensor, grounded, to(1e-9)).unwrap();
+const GROUNDED: Material = Material::Conductor(Connection::Grounded);
+
+/// C11 and C22 for a bar of a material with its lower face at these heights and shifted along y, in millimetres.
+fn sweep(sensor: Sensor, material: Material, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 2]> {
+    let mut simulator = Simulator::new(sensor, vec![material], to(1e-9)).unwrap();
     let mut solids = Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) }]).unwrap();
     let step = |(height, shift)| {
         solids.place(&[Pose::at(1e-3 * DVec3::new(0.0, shift, height + 10.0))]).unwrap();
@@ -23,7 +24,7 @@ fn sweep(sensor: Sensor, places: impl Iterator<Item = (f64, f64)>) -> Vec<[f64; 
 
 /// C11 for the bar as a camera of 256 x 256 pixels sees it, its lower face at these heights in millimetres.
 fn sweep_seen(sensor: Sensor, heights: impl Iterator<Item = f64>) -> Vec<f64> {
-    let mut simulator = Simulator::new(sensor, vec![conductor(Connection::Grounded)], to(1e-9)).unwrap();
+    let mut simulator = Simulator::new(sensor, vec![GROUNDED], to(1e-9)).unwrap();
     let step = |height: f64| {
         let _ = simulator.step(&depth_of_boxes([256, 256], &[bar(1e-3 * height, 0.0)])).unwrap();
         simulator.capacitance().get(0, 0)
@@ -50,7 +51,7 @@ fn assert_falls(capacitances: &[[f64; 2]], electrode: usize) {
 
 #[test]
 fn every_step_upwards_is_felt() {
-    let found = sweep(stripes_sensor(30_000), (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)));
+    let found = sweep(stripes_sensor(30_000), GROUNDED, (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)));
     (0..2).for_each(|electrode| assert_falls(&found, electrode));
 }
 
@@ -59,7 +60,8 @@ fn every_step_upwards_is_felt() {
 #[test]
 fn steps_sidewards_are_felt() {
     for height in [35.0, 50.0] {
-        let found = sweep(stripes_sensor(30_000), (0..=180).map(|k| (height, 10.0 + 0.5 * f64::from(k))));
+        let found =
+            sweep(stripes_sensor(30_000), GROUNDED, (0..=180).map(|k| (height, 10.0 + 0.5 * f64::from(k))));
         for electrode in 0..2 {
             let steps: Vec<f64> =
                 found.windows(2).map(|pair| pair[1][electrode] - pair[0][electrode]).collect();
@@ -84,10 +86,32 @@ fn steps_follow_from_the_steps_before() {
     let upwards: Vec<_> = (0..=360).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)).collect();
     let sideways: Vec<_> = (0..=180).map(|k| (50.0, 10.0 + 0.5 * f64::from(k))).collect();
     for (way, places) in [("upwards", &upwards), ("sideways", &sideways)] {
-        let found = sweep(sensor.clone(), places.iter().copied());
+        let found = sweep(sensor.clone(), GROUNDED, places.iter().copied());
         let first: Vec<f64> = found.iter().map(|pair| pair[0]).collect();
         assert_smooth(way, places, &first, 0.1);
     }
     let seen = sweep_seen(sensor, upwards.iter().map(|(height, _)| *height));
     assert_smooth("upwards, seen by a camera", &upwards, &seen, 0.1);
+}
+
+/// Lines beside edges are as thick as what they stand for, so that a body fills them evenly: with lines that were in it or not, 112 of
+/// these steps upwards went the wrong way, and the largest second difference was 0.13 of ΔC11.
+#[test]
+fn weak_dielectrics_are_felt_in_every_step() {
+    let design = three_stripes();
+    let sensor = Sensor::on_lattice(&design, &design.lattice(30_000).unwrap()).unwrap();
+    let empty = Simulator::new(sensor.clone(), vec![], to(1e-9)).unwrap().base().get(0, 0);
+    let upwards: Vec<_> = (0..=180).map(|k| (20.0 + 0.5 * f64::from(k), 0.0)).collect();
+    let sideways: Vec<_> = (0..=90).map(|k| (50.0, 10.0 + 0.5 * f64::from(k))).collect();
+    for permittivity in [3.0, 9.0] {
+        for places in [&upwards, &sideways] {
+            let found = sweep(sensor.clone(), dielectric(permittivity), places.iter().copied());
+            let first: Vec<f64> = found.iter().map(|pair| pair[0]).collect();
+            assert!(first.windows(2).all(|pair| pair[1] < pair[0]), "{permittivity}");
+            let kink = first.windows(3).map(|of| (of[2] - 2.0 * of[1] + of[0]).abs() / (of[1] - empty));
+            let kink = kink.fold(0.0, f64::max);
+            println!("{permittivity}: {kink:.4}");
+            assert!(kink < 0.04, "{permittivity}: {kink}");
+        }
+    }
 }

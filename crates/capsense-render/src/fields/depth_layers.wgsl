@@ -205,7 +205,7 @@ fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span {
 }
 
 // Nothing but the middle line of a bar is asked.
-fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec3<f32>) -> Fill {
+fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec2<f32>) -> Fill {
     let span = object_span(object, edge, shift);
     return Fill(select(0.0, 1.0, span.enter <= span.leave), span);
 }

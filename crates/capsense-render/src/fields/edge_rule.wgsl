@@ -4,7 +4,7 @@
 //     fn set_anchor(place: vec3<u32>)
 //     fn object_contains(object: u32, point: vec3<f32>) -> bool
 //     fn object_span(object: u32, edge: Edge, shift: vec3<f32>) -> Span, of the segment beside an edge from the anchor
-//     fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec3<f32>) -> Fill, of a bar about that segment that reaches so far
+//     fn object_fill(object: u32, edge: Edge, shift: vec3<f32>, reach: vec2<f32>) -> Fill, of a bar about that segment that reaches so far across
 //     fn gap_to(object: u32, edge: Edge, along: f32, to_next: vec2<f32>) -> f32, from a place on an edge to an object in one direction
 //     fn is_round(object: u32) -> bool, whether it has no edges
 //     fn on_strong(around: Surroundings, lines: f32) -> f32, of an edge on which dielectrics are, of which lines make `lines`
@@ -175,9 +175,7 @@ fn shift_to(edge: Edge, to_next: vec2<f32>, line: u32) -> vec3<f32> {
 
 // What of a line of such a quarter is in an object, as a bar of a quarter of the quarter's widths.
 fn line_fill(object: u32, edge: Edge, to_next: vec2<f32>, line: u32) -> Fill {
-    var reach = vec3<f32>();
-    reach[(edge.axis + 1u) % 3u] = REACH * 0.25 * abs(to_next.x);
-    reach[(edge.axis + 2u) % 3u] = REACH * 0.25 * abs(to_next.y);
+    let reach = REACH * 0.25 * abs(to_next);
     return object_fill(object, edge, shift_to(edge, to_next, line), reach);
 }
 

@@ -84,8 +84,8 @@ impl Lines<'_> {
             *start += first * along_first + second * along_second;
         }
         let Some(layers) = self.layers else {
-            let half = REACH * (first.abs() + second.abs());
-            return surfaces.fill_in_frame(object, &Bars { starts, way, half });
+            let across = [REACH * first, REACH * second];
+            return surfaces.fill_in_frame(object, &Bars { starts, way, across });
         };
         Fill::over(starts.map(|start| {
             let end = start + way;
