@@ -6,7 +6,8 @@
 //! line the parts are capacitors in series, and the lines are parallel capacitors, each with its share of the cross-section.
 //! This lies between the harmonic and the arithmetic mean over the box, and where the surface is normal to the edge, or along
 //! it, it is the right one of these. One line a quarter would do for cells small against the body; where they are not, it takes faces
-//! to be up to a quarter of a cell from where they are.
+//! to be up to a quarter of a cell from where they are. A line stands for a bar that is a quarter of the quarter thick along either axis, and
+//! solids tell what of these bars they fill ([`super::Bars`]), so that nothing jumps as a face passes a line.
 //!
 //! Quarters that are seen as a whole to be in a body or beside all need not be looked at line by line: the lines would tell the
 //! same, to the bit, so that nobody has to look again when a quarter is seen as a whole no more.

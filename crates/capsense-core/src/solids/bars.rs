@@ -26,14 +26,7 @@ impl Convex {
         let is_met = match *self {
             Self::Box(half) => vectorised(
                 #[inline(always)]
-                || {
-                    let all_partial = [0, 1, 2].map(|axis| keep_between(&mut fill, bars, axis, half[axis]));
-                    let partial = all_partial.into_iter().flatten().filter(|is_partial| *is_partial).count();
-                    if partial > 1 {
-                        keep_where_not_apart(&mut fill, bars, half);
-                    }
-                    all_partial.iter().all(Option::is_some)
-                },
+                || keep_in_box(&mut fill, bars, half),
             ),
             Self::Cylinder { radius, half_length } if is_aligned(bars) => {
                 let is_met = keep_between(&mut fill, bars, 2, half_length).is_some();
@@ -56,6 +49,18 @@ impl Convex {
         };
         if is_met { fill } else { Fill::NOTHING }
     }
+}
+
+/// Keeps what is in a box; returns whether that may be anything.
+#[inline(always)]
+fn keep_in_box(fill: &mut Fill, bars: &Bars, half: DVec3) -> bool {
+    let Some(x) = keep_between(fill, bars, 0, half.x) else { return false };
+    let Some(y) = keep_between(fill, bars, 1, half.y) else { return false };
+    let Some(z) = keep_between(fill, bars, 2, half.z) else { return false };
+    if (x & y) | (y & z) | (z & x) {
+        keep_where_not_apart(fill, bars, half);
+    }
+    true
 }
 
 fn is_along_z(way: DVec3) -> bool {
@@ -102,9 +107,13 @@ fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> Option<
 }
 
 /// Keeps nothing of bars that a plane parts from a box, which its faces by themselves do not tell, and little of those that nearly are.
-#[cold]
 fn keep_where_not_apart(fill: &mut Fill, bars: &Bars, half: DVec3) {
     let [way, first, second] = [0.5 * bars.way, bars.across[0], bars.across[1]];
+    let sides = [way, first, second];
+    // If bars and box have an axis in common, planes along their faces tell all.
+    let is_aligned =
+        sides.iter().any(|side| side.to_array().iter().filter(|part| **part == 0.0).count() == 2);
+    let along_both = |axis: DVec3| sides.map(|side| axis.cross(side));
     for bar in 0..BARS {
         if fill.part[bar] == 0.0 {
             continue;
@@ -117,18 +126,15 @@ fn keep_where_not_apart(fill: &mut Fill, bars: &Bars, half: DVec3) {
         };
         let length = overlap(way) / (2.0 * way.length_squared());
         fill.exit[bar] = smaller(fill.exit[bar], fill.enter[bar] + larger(length, 0.0));
-        let mut part = f64::INFINITY;
-        let mut trim = |normal: DVec3, thickness: f64| {
-            part = smaller(part, overlap(normal) / larger(2.0 * thickness, LEAST_REACH));
-        };
-        trim(first, first.length_squared());
-        trim(second, second.length_squared());
-        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
-            for side in [way, first, second] {
-                let normal = axis.cross(side);
-                if normal.length_squared() > ALONG * side.length_squared() {
-                    trim(normal, normal.dot(first).abs() + normal.dot(second).abs());
-                }
+        let mut part = smaller(
+            overlap(first) / (2.0 * first.length_squared()),
+            overlap(second) / (2.0 * second.length_squared()),
+        );
+        for normal in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().filter(|_| !is_aligned).flat_map(along_both)
+        {
+            if normal.length_squared() > ALONG * ALONG * way.length_squared() {
+                let thickness = normal.dot(first).abs() + normal.dot(second).abs();
+                part = smaller(part, overlap(normal) / larger(2.0 * thickness, LEAST_REACH));
             }
         }
         fill.part[bar] = within(part, fill.part[bar]);

@@ -71,7 +71,8 @@ impl Around {
     #[inline]
     pub(super) fn quarters(&self) -> impl Iterator<Item = Quarter> + '_ {
         let [columns, rows] = self.cells;
-        [[0, 0], [0, 1], [1, 0], [1, 1]].into_iter().filter_map(move |sides: [usize; 2]| {
+        (0..4).filter_map(move |quarter: usize| {
+            let sides = [quarter / 2, quarter % 2];
             let (first, second) = (self.steps[0][sides[0]]?, self.steps[1][sides[1]]?);
             let mut behind = self.place;
             behind[self.across[0]] -= 1 - sides[0];
