@@ -1,9 +1,15 @@
-//! What of bars is in a convex solid: of faces that are along a bar the part of its cross-section that they leave, of others where its
-//! middle line passes them. So what is in a bar changes evenly as a face moves through it, however that is turned.
+//! What of bars is in a convex solid.
 //!
-//! A face takes from the cross-section, at each place along the bar, what of the bar's width is before it, as if it were across
-//! that width. Opposite faces together leave a part that grows along the bar, up to the whole or what fits between the faces, and then
-//! falls. In its place stands a bar of as much volume, as thick as it is at the most.
+//! **Boxes.** A face takes from the cross-section, at each place along the bar, what of the bar's width is before it, as if it were across
+//! that width: of faces along a bar it takes a part of all of it, of others what is behind them. Opposite faces together leave a part
+//! that grows along the bar, up to the whole or what fits between the faces, and then falls. In its place stands a bar of as much volume, as
+//! thick as it is at the most. So what is in a bar changes evenly as a face moves through it, however that is turned. A bar that passes a
+//! box by its edge may be before no face and yet outside: of all planes that can part two boxes (their faces', and those along an edge of
+//! either) each leaves what of the bar's thickness is not behind it.
+//!
+//! **Cylinders and capsules.** Where they stand along bars or across them, ends are faces, and a side takes of bars along it what is
+//! between the distances of the nearest and of the farthest place of the cross-section from the axis. Turned ones, whose sides slant, and spheres have chords that change evenly by
+//! themselves: middle lines are asked.
 
 use super::convex::Convex;
 use crate::instructions::vectorised;
