@@ -230,11 +230,10 @@ fn series_have_the_digits_that_were_computed_elsewhere() {
 #[test]
 fn layers_over_patches_on_a_lattice() {
     let coarse = lattice(1.0 / 64.0);
-    let allowed = [[0.07, 0.065], [5e-3, 9e-3], [2e-3, 6e-3], [6e-3, 8e-3], [7e-3, 3e-3], [2e-3, 6e-3]];
+    let allowed = [[0.07, 0.065], [5e-3, 9e-3], [2e-3, 6e-3], [4e-3, 6e-3], [2e-3, 6e-3], [2e-3, 6e-3]];
     let coarse = check("30k nodes", |layer| on_lattice(&coarse, layer), allowed);
     let fine = lattice(1.0 / 128.0);
-    let allowed =
-        [[0.025, 0.022], [1e-3, 4e-3], [0.014, 0.018], [0.035, 0.035], [0.018, 0.012], [3e-3, 6e-3]];
+    let allowed = [[0.025, 0.022], [1e-3, 4e-3], [0.01, 0.013], [2e-3, 5e-3], [7e-3, 5e-3], [3e-3, 6e-3]];
     let fine = check("97k nodes", |layer| on_lattice(&fine, layer), allowed);
     for (coarse, fine) in coarse.into_iter().zip(fine) {
         let order = (coarse / fine).log2();
