@@ -191,7 +191,7 @@ impl Scene<'_> {
         if self.cells.is_some() { background } else { 1.0 }
     }
 
-    /// What multiplies the weight of a quarter that one dielectric is in; `None` where it is not taken along lines.
+    /// What multiplies the weight of a quarter that one dielectric may be in; `None` where it is, and is not taken along lines.
     #[inline]
     fn through_one(
         &self,
@@ -200,11 +200,11 @@ impl Scene<'_> {
         on_edge: &[(u16, Span)],
         lines: SideBySide,
     ) -> Option<f64> {
-        let ratio = self.ratio(body.object(), background)?;
         let fill = body.fill();
         if fill.part == Fill::NOTHING.part {
             return Some(1.0);
         }
+        let ratio = self.ratio(body.object(), background)?;
         let passed_by = self.passed_by(body, &fill, on_edge, background);
         let mut of_lines = [0.0; LINES];
         for (line, of_line) in of_lines.iter_mut().enumerate() {
