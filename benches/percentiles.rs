@@ -3,10 +3,10 @@
 //!
 //! Prints the 10th, 50th and 90th percentile and the mean in milliseconds, of whole ways of the bar there and back, C to 1e-4: of
 //! one thread, of all, and then how many times as fast all are. Ways of one thread and of all alternate, so that both have the same
-//! hour of a machine. Bars are seen by a depth camera, those of rows named `-solid` are exact solids. Rows named `lattice` are of graded lattices, `csr` of
-//! the same meshes as plain tetrahedra, and `bisected` of tetrahedra that were bisected, whose edges have no order and of which each
-//! node has twice as many. What two threads gain depends on how far apart
-//! their cores are, so it is told before each size how long a word takes from one to the other. Which instructions run is told first.
+//! hour of a machine. Bars are seen by a depth camera, those of rows named `-solid` are exact solids; those of rows named `-80` are
+//! dielectrics of that permittivity. Rows named `lattice` are of graded lattices, `csr` of the same meshes as
+//! plain tetrahedra, and `bisected` of tetrahedra that were bisected, whose edges have no order and of which each node has twice as
+//! many. What two threads gain depends on how far apart their cores are, so it is told before each size how long a word takes from one to the other. Which instructions run is told first.
 //! `CAPSENSE_BENCH_LARGE=1` adds meshes of more than 300,000 tetrahedra; arguments are names of rows to be measured alone.
 
 #![allow(clippy::unwrap_used, missing_docs)]

@@ -100,6 +100,15 @@ impl SideBySide {
     }
 }
 
+/// An edge that several dielectrics may be near, or some that a camera sees, and working storage.
+struct Look<'a> {
+    around: &'a Around,
+    on_edge: &'a [(u16, Span)],
+    lines: SideBySide,
+    spans: &'a mut Vec<(u16, Span)>,
+    breaks: &'a mut Vec<f64>,
+}
+
 /// What multiplies the weight of a line of which a dielectric fills so long a part, of such a permittivity over the background's.
 #[inline(always)]
 fn over_length(length: f64, ratio: f64) -> f64 {
@@ -134,8 +143,9 @@ impl Scene<'_> {
             (object, None) if self.surfaces.are_exact() => self.along_alone(edge, &around, object, on_edge),
             _ => {
                 let lines = self.side_by_side(edge)?;
+                let mut look = Look { around: &around, on_edge, lines, spans, breaks };
                 self.mean_over_quarters(edge, &around, |quarter, background| {
-                    self.through_some((&around, quarter), background, on_edge, lines, spans, breaks)
+                    self.through_some(&mut look, quarter, background)
                 })
             }
         }
@@ -223,15 +233,8 @@ impl Scene<'_> {
     }
 
     /// The same of a quarter that several may be in, or one that a camera sees.
-    fn through_some(
-        &self,
-        (around, quarter): (&Around, &Quarter),
-        background: f64,
-        on_edge: &[(u16, Span)],
-        lines: SideBySide,
-        spans: &mut Vec<(u16, Span)>,
-        breaks: &mut Vec<f64>,
-    ) -> Option<f64> {
+    fn through_some(&self, look: &mut Look<'_>, quarter: &Quarter, background: f64) -> Option<f64> {
+        let Look { around, on_edge, lines, .. } = *look;
         match self.filling(&around.bounds_of(quarter)) {
             Filling::None => Some(1.0),
             Filling::Even(object) => self.through_all(object, background, lines),
@@ -239,23 +242,14 @@ impl Scene<'_> {
                 let body = InFrame::of(self.surfaces, object, around);
                 self.through_one(&body.lines(quarter, layers), background, on_edge, lines)
             }
-            Filling::Parts => {
-                self.through_several((around, quarter), background, on_edge, lines, spans, breaks)
-            }
+            Filling::Parts => self.through_several(look, quarter, background),
         }
     }
 
     /// What multiplies the weight of a quarter that several dielectrics may be in; `None` where others than those taken along
     /// lines are on one of them.
-    fn through_several(
-        &self,
-        (around, quarter): (&Around, &Quarter),
-        background: f64,
-        on_edge: &[(u16, Span)],
-        lines: SideBySide,
-        spans: &mut Vec<(u16, Span)>,
-        breaks: &mut Vec<f64>,
-    ) -> Option<f64> {
+    fn through_several(&self, look: &mut Look<'_>, quarter: &Quarter, background: f64) -> Option<f64> {
+        let Look { around, on_edge, lines, ref mut spans, ref mut breaks } = *look;
         let bounds = around.bounds_of(quarter);
         let mut of_lines = [0.0; LINES];
         for (line, of_line) in of_lines.iter_mut().enumerate() {
