@@ -6,22 +6,81 @@ use glam::DVec3;
 /// How many bars are asked for at once.
 pub const BARS: usize = 4;
 
-/// Bars of equal rectangular cross-section that all lead the same way.
+/// A number of each bar: side by side, so that all are computed at once.
+pub type OfBars = [f64; BARS];
+
+/// A number of each bar that follows from its number.
+#[inline(always)]
+pub(crate) fn of_bars(of_one: impl Fn(usize) -> f64) -> OfBars {
+    let mut of_all = [0.0; BARS];
+    for (bar, of_bar) in of_all.iter_mut().enumerate() {
+        *of_bar = of_one(bar);
+    }
+    of_all
+}
+
+/// Where in the cross-section of all the middles of each are, in parts of half its widths. Along either axis each is at a place of its own,
+/// so that they are side by side there without a gap, and places along one axis tell nothing of those along the other.
+const PLACES: [OfBars; 2] = [[-0.75, -0.25, 0.25, 0.75], [-0.25, 0.75, -0.75, 0.25]];
+
+/// How far each reaches from its middle line, in the same parts.
+const REACH: f64 = 0.25;
+
+/// Four bars in a box, all along it, of which each is a quarter as wide and as high.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bars {
-    /// Where the middle line of each starts.
-    pub starts: [DVec3; BARS],
+    /// Where the middle line of the box starts.
+    pub start: DVec3,
     /// From there to its end.
     pub way: DVec3,
-    /// From the middle of the cross-section to the middles of two of its sides.
+    /// From the middle line to the middles of two sides of the box.
     pub across: [DVec3; 2],
 }
 
 impl Bars {
-    /// How far the cross-section reaches from its middle along each axis.
+    /// None that reach anywhere.
+    pub const NONE: Self = Self { start: DVec3::ZERO, way: DVec3::ZERO, across: [DVec3::ZERO; 2] };
+
+    /// From the middle line of each to the middles of two of its sides.
     #[inline]
-    pub fn reach(&self) -> DVec3 {
-        self.across[0].abs() + self.across[1].abs()
+    pub fn sides(&self) -> [DVec3; 2] {
+        let [first, second] = self.across;
+        [REACH * first, REACH * second]
+    }
+
+    /// Where the middle lines start along an axis.
+    #[inline(always)]
+    pub fn starts(&self, axis: usize) -> OfBars {
+        let (start, [first, second]) = (self.start[axis], self.across);
+        let (first, second) = (first[axis], second[axis]);
+        let mut starts = [start; BARS];
+        for (bar, at) in starts.iter_mut().enumerate() {
+            *at += first * PLACES[0][bar] + second * PLACES[1][bar];
+        }
+        starts
+    }
+
+    /// How far each reaches from its middle line along an axis.
+    #[inline(always)]
+    pub fn reach(&self, axis: usize) -> f64 {
+        let [first, second] = self.sides();
+        first[axis].abs() + second[axis].abs()
+    }
+
+    /// Where the middle line of one starts.
+    #[inline]
+    pub fn start_of(&self, bar: usize) -> DVec3 {
+        let [first, second] = self.across;
+        self.start + (first * PLACES[0][bar] + second * PLACES[1][bar])
+    }
+
+    /// The middle lines, each from its start to its end.
+    #[inline]
+    pub fn middle_lines(&self) -> [[DVec3; 2]; BARS] {
+        std::array::from_fn(|bar| {
+            let start = self.start_of(bar);
+            [start, start + self.way]
+        })
     }
 }
 
@@ -29,11 +88,11 @@ impl Bars {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fill {
     /// Of the cross-section, in [0, 1].
-    pub part: [f64; BARS],
+    pub part: OfBars,
     /// Where along the bar that starts, in [0, 1].
-    pub enter: [f64; BARS],
+    pub enter: OfBars,
     /// Where it ends, in [enter, 1].
-    pub exit: [f64; BARS],
+    pub exit: OfBars,
 }
 
 impl Fill {

@@ -226,7 +226,7 @@ impl Room {
         if !spans.is_empty() && scene.is_at_electrode(ends) {
             note_contacts(scene, (edge, ends), spans, contacts);
         }
-        let lines = scene.has_lines.then(|| scene.along_lines(edge, owners, spans, beside, breaks));
+        let lines = scene.has_lines.then(|| scene.along_lines((edge, ends), owners, spans, beside, breaks));
         if let Some(lines) = lines.flatten() {
             let coupling = Coupling::only_through(self.on_strong(sight, (edge, ends), lines));
             return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };

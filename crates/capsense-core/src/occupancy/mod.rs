@@ -30,14 +30,15 @@ mod surfaces;
 mod unresolved;
 mod unstructured;
 
-pub use bars::{BARS, Bars, Fill};
+pub(crate) use bars::of_bars;
+pub use bars::{BARS, Bars, Fill, OfBars};
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
-pub(crate) use near_field::{larger, smaller, span_in_box};
+pub(crate) use near_field::{either, larger, smaller, span_in_box};
 pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 

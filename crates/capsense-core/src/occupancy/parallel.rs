@@ -28,11 +28,12 @@ mod strong;
 
 use super::coupling::EdgeRule;
 use super::scene::is_electrode;
-use super::{Fill, LayersWithin, NO_OBJECT, Scene, Side, Span};
+use super::{Fill, LayersWithin, NO_OBJECT, Scene, Side, Span, either, of_bars, smaller};
 use crate::geometry::Aabb;
+use crate::instructions::vectorised;
 use crate::material::Material;
 use crate::mesh::Edges;
-use around::{Around, Quarter};
+use around::{Around, QUARTERS, Quarter};
 use lines::{InFrame, LINES, Lines};
 use strong::PassedBy;
 
@@ -86,6 +87,14 @@ enum Filling {
     Parts,
 }
 
+/// Which dielectrics may be in a box.
+enum Near {
+    None,
+    /// This one alone.
+    One(usize),
+    Several,
+}
+
 /// How what is side by side in an edge's box adds up: by weights, or beside electrodes by their reciprocals.
 #[derive(Clone, Copy)]
 struct SideBySide {
@@ -127,7 +136,7 @@ impl Scene<'_> {
     /// the others working storage.
     pub(super) fn along_lines(
         &self,
-        edge: usize,
+        (edge, ends): (usize, [u32; 2]),
         owners: [u16; 2],
         on_edge: &[(u16, Span)],
         spans: &mut Vec<(u16, Span)>,
@@ -138,14 +147,17 @@ impl Scene<'_> {
             return None;
         }
         let around = Around::edge(lattice, edge)?;
-        let mut near = self.dielectrics_near(around.bounds());
-        match (near.next()?, near.next()) {
-            (object, None) if self.surfaces.are_exact() => self.along_alone(edge, &around, object, on_edge),
-            _ => {
-                let lines = self.side_by_side(edge)?;
+        let lines = self.side_by_side(edge, ends);
+        match self.dielectric_near(around.bounds()) {
+            Near::None => None,
+            Near::One(object) if self.surfaces.are_exact() => {
+                self.along_alone((edge, lines), &around, object, on_edge)
+            }
+            Near::One(_) | Near::Several => {
                 let mut look = Look { around: &around, on_edge, lines, spans, breaks };
-                self.mean_over_quarters(edge, &around, |quarter, background| {
-                    self.through_some(&mut look, quarter, background)
+                let quarters = around.quarters();
+                self.mean_over_quarters(edge, &quarters, |quarter, background| {
+                    self.through_some(&mut look, &quarters[quarter], background)
                 })
             }
         }
@@ -154,20 +166,26 @@ impl Scene<'_> {
     /// The same of an edge that one solid alone is near.
     fn along_alone(
         &self,
-        edge: usize,
+        (edge, lines): (usize, SideBySide),
         around: &Around,
         object: usize,
         on_edge: &[(u16, Span)],
     ) -> Option<f64> {
         let body = InFrame::of(self.surfaces, object, around);
-        let side = body.side(around);
+        let side = body.side();
         if side == Some(Side::Outside) {
             return None;
         }
-        let lines = self.side_by_side(edge)?;
-        self.mean_over_quarters(edge, around, |quarter, background| match side {
-            Some(_) => self.through_all(object, background, lines),
-            None => self.through_one(&body.lines(quarter, None), background, on_edge, lines),
+        let quarters = around.quarters();
+        if side == Some(Side::Inside) {
+            let through_all = |_, background| self.through_all(object, background, lines);
+            return self.mean_over_quarters(edge, &quarters, through_all);
+        }
+        let mut fill = [Fill::WHOLE; QUARTERS];
+        body.fill(&quarters, &mut fill);
+        self.mean_over_quarters(edge, &quarters, |quarter, background| {
+            let body = body.lines(&quarters[quarter], None);
+            self.through_one(&body, &fill[quarter], background, on_edge, lines)
         })
     }
 
@@ -177,13 +195,13 @@ impl Scene<'_> {
     fn mean_over_quarters(
         &self,
         edge: usize,
-        around: &Around,
-        mut through: impl FnMut(&Quarter, f64) -> Option<f64>,
+        quarters: &[Quarter],
+        mut through: impl FnMut(usize, f64) -> Option<f64>,
     ) -> Option<f64> {
         let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
-        for quarter in around.quarters() {
-            let background = self.background_of(edge, &quarter);
-            let through = through(&quarter, background)?;
+        for (number, quarter) in quarters.iter().enumerate() {
+            let background = self.background_of(edge, quarter);
+            let through = through(number, background)?;
             is_met |= through != 1.0;
             let share = quarter.share * self.weight_of(background);
             (sum, whole) = (sum + share * through, whole + share);
@@ -206,23 +224,34 @@ impl Scene<'_> {
     fn through_one(
         &self,
         body: &Lines<'_>,
+        fill: &Fill,
         background: f64,
         on_edge: &[(u16, Span)],
         lines: SideBySide,
     ) -> Option<f64> {
-        let fill = body.fill();
         if fill.part == Fill::NOTHING.part {
             return Some(1.0);
         }
         let ratio = self.ratio(body.object(), background)?;
-        let passed_by = self.passed_by(body, &fill, on_edge, background);
-        let mut of_lines = [0.0; LINES];
-        for (line, of_line) in of_lines.iter_mut().enumerate() {
-            let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
-            let through = passed_by.of_length(length).through(over_length(length, ratio));
-            *of_line = (1.0 - part) + part * lines.counted(through);
-        }
-        Some(lines.counted(mean(of_lines)))
+        let passed_by = self.passed_by(body, fill, on_edge, background);
+        let are_lines_alone = passed_by.are_lines_alone();
+        Some(vectorised(
+            #[inline(always)]
+            || {
+                let of_lines = of_bars(
+                    #[inline(always)]
+                    |line| {
+                        let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
+                        let mut through = over_length(length, ratio);
+                        if !are_lines_alone {
+                            through = passed_by.of_length(length).through_any(through);
+                        }
+                        (1.0 - part) + part * lines.counted(through)
+                    },
+                );
+                lines.counted(mean(of_lines))
+            },
+        ))
     }
 
     /// The same of a quarter that it fills.
@@ -240,7 +269,8 @@ impl Scene<'_> {
             Filling::Even(object) => self.through_all(object, background, lines),
             Filling::Part(object, layers) => {
                 let body = InFrame::of(self.surfaces, object, around);
-                self.through_one(&body.lines(quarter, layers), background, on_edge, lines)
+                let body = body.lines(quarter, layers);
+                self.through_one(&body, &body.fill(), background, on_edge, lines)
             }
             Filling::Parts => self.through_several(look, quarter, background),
         }
@@ -295,6 +325,21 @@ impl Scene<'_> {
         (0..self.bounds.len()).filter(is_near)
     }
 
+    /// How many dielectrics may be in a box.
+    #[inline]
+    fn dielectric_near(&self, bounds: Aabb) -> Near {
+        let mut near = Near::None;
+        for (object, of_object) in self.bounds.iter().enumerate() {
+            if of_object.intersects(&bounds) && !self.is_conductor(object) {
+                match near {
+                    Near::None => near = Near::One(object),
+                    _ => return Near::Several,
+                }
+            }
+        }
+        near
+    }
+
     /// Whether all that is met are dielectrics that are taken along lines.
     fn are_lined(&self, spans: &[(u16, Span)]) -> bool {
         spans.iter().all(|(object, _)| self.is_lined(usize::from(*object)))
@@ -339,10 +384,10 @@ impl Scene<'_> {
         filling
     }
 
-    /// How lines beside an edge add up: in series if it leads along an electrode or away from its rim; `None` if there is no such edge.
-    fn side_by_side(&self, edge: usize) -> Option<SideBySide> {
-        let ends = self.mesh.edges.ends(edge)?;
+    /// How lines beside an edge add up: in series if it leads along an electrode or away from its rim.
+    #[inline]
+    fn side_by_side(&self, edge: usize, ends: [u32; 2]) -> SideBySide {
         let is_at_one = ends.into_iter().any(|node| is_electrode(self.mesh.terminals[node as usize]));
-        Some(SideBySide { are_in_series: is_at_one && edge % 3 != ELECTRODE_NORMAL })
+        SideBySide { are_in_series: is_at_one && edge % 3 != ELECTRODE_NORMAL }
     }
 }

@@ -117,9 +117,13 @@ pub trait Surfaces: Sync {
         self.span(object, a, b)
     }
 
-    /// What of bars is in an object, all in the object's frame: the whole cross-section where nothing but the middle line is asked.
-    fn fill_in_frame(&self, object: usize, bars: &Bars) -> Fill {
-        Fill::over(bars.starts.map(|start| self.span_in_frame(object, start, start + bars.way)))
+    /// What of bars is in an object, all in the object's frame: the whole cross-section where nothing but the middle line is asked. All bars are
+    /// in a box about a point, of some half size.
+    fn fill_in_frame(&self, object: usize, _within: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
+        for (bars, fill) in bars.iter().zip(fill) {
+            *fill =
+                Fill::over(bars.middle_lines().map(|[start, end]| self.span_in_frame(object, start, end)));
+        }
     }
 
     /// Whether it is soon seen that an object certainly misses all of a box about a point, of some half size, along the axes

@@ -13,7 +13,7 @@
 
 use super::convex::Convex;
 use crate::instructions::vectorised;
-use crate::occupancy::{BARS, Bars, Fill, larger, smaller};
+use crate::occupancy::{BARS, Bars, Fill, OfBars, either, larger, of_bars, smaller};
 use glam::DVec3;
 
 /// Bars are no thinner than this, in metres: by less nothing can be divided.
@@ -26,47 +26,73 @@ const EVEN: f64 = 1e-6;
 const ALONG: f64 = 1e-9;
 
 impl Convex {
-    /// What of each bar is in the solid: nothing of those that are outside, all of those that are inside.
-    pub(super) fn fill(&self, bars: &Bars) -> Fill {
-        let mut fill = Fill::WHOLE;
-        let is_met = match *self {
+    /// What of each bar is in the solid: nothing of those that are outside, all of those that are inside. All are in a box about a point, of
+    /// some half size.
+    pub(super) fn fill(&self, within: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
+        match *self {
             Self::Box(half) => vectorised(
                 #[inline(always)]
-                || keep_in_box(&mut fill, bars, half),
+                || fill_in_box(half, within, bars, fill),
             ),
+            _ => bars.iter().zip(fill).for_each(|(bars, fill)| *fill = self.fill_round(bars)),
+        }
+    }
+
+    /// The same of a solid that is round.
+    fn fill_round(&self, bars: &Bars) -> Fill {
+        let mut fill = Fill::WHOLE;
+        match *self {
             Self::Cylinder { radius, half_length } if is_aligned(bars) => {
-                let is_met = keep_between(&mut fill, bars, 2, half_length).is_some();
+                if keep_between(&mut fill, bars, 2, half_length).is_none() {
+                    return Fill::NOTHING;
+                }
                 if is_along_z(bars.way) {
                     keep_about_axis(&mut fill, bars, radius);
                 } else {
                     keep_interval(&mut fill, bars, &Self::Cylinder { radius, half_length: f64::INFINITY });
                 }
-                is_met
             }
             Self::Capsule { radius, half_length } if half_length > 0.0 && is_along_z(bars.way) => {
                 keep_about_axis(&mut fill, bars, radius);
                 keep_between_caps(&mut fill, bars, self);
-                true
             }
-            Self::Cylinder { .. } | Self::Capsule { .. } => {
-                keep_interval(&mut fill, bars, self);
-                true
-            }
-        };
-        if is_met { fill } else { Fill::NOTHING }
+            _ => keep_interval(&mut fill, bars, self),
+        }
+        fill
     }
 }
 
-/// Keeps what is in a box; returns whether that may be anything.
+/// What of bars is in a box. Faces that the box around all bars is behind take nothing of any.
 #[inline(always)]
-fn keep_in_box(fill: &mut Fill, bars: &Bars, half: DVec3) -> bool {
-    let Some(x) = keep_between(fill, bars, 0, half.x) else { return false };
-    let Some(y) = keep_between(fill, bars, 1, half.y) else { return false };
-    let Some(z) = keep_between(fill, bars, 2, half.z) else { return false };
-    if (x & y) | (y & z) | (z & x) {
-        keep_where_not_apart(fill, bars, half);
+fn fill_in_box(half: DVec3, [middle, reach]: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
+    let is_behind = (middle.abs() + reach).cmple(half);
+    fill.iter_mut().for_each(|fill| *fill = Fill::WHOLE);
+    let mut cuts = [0; BARS];
+    if !is_behind.x {
+        keep_between_all(fill, &mut cuts, bars, 0, half.x);
     }
-    true
+    if !is_behind.y {
+        keep_between_all(fill, &mut cuts, bars, 1, half.y);
+    }
+    if !is_behind.z {
+        keep_between_all(fill, &mut cuts, bars, 2, half.z);
+    }
+    for ((bars, fill), cuts) in bars.iter().zip(fill).zip(cuts) {
+        if cuts > 1 && fill.part != Fill::NOTHING.part {
+            keep_where_not_apart(fill, bars, half);
+        }
+    }
+}
+
+/// Keeps what is left between the faces across an axis of all bars, and counts of which these cut some.
+#[inline(always)]
+fn keep_between_all(fill: &mut [Fill], cuts: &mut [u8; BARS], bars: &[Bars], axis: usize, half: f64) {
+    for ((bars, fill), cuts) in bars.iter().zip(fill).zip(cuts) {
+        match keep_between(fill, bars, axis, half) {
+            Some(is_cut) => *cuts += u8::from(is_cut),
+            None => fill.part = Fill::NOTHING.part,
+        }
+    }
 }
 
 fn is_along_z(way: DVec3) -> bool {
@@ -83,9 +109,7 @@ fn is_aligned(bars: &Bars) -> bool {
 /// nothing.
 #[inline(always)]
 fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> Option<bool> {
-    let [a, b, c, d] = bars.starts;
-    let starts = [a[axis], b[axis], c[axis], d[axis]];
-    let (way, reach) = (bars.way[axis], bars.reach()[axis]);
+    let (starts, way, reach) = (bars.starts(axis), bars.way[axis], bars.reach(axis));
     let least = smaller(smaller(starts[0], starts[1]), smaller(starts[2], starts[3]));
     let most = larger(larger(starts[0], starts[1]), larger(starts[2], starts[3]));
     let (least, most) = (least + smaller(way, 0.0) - reach, most + larger(way, 0.0) + reach);
@@ -95,55 +119,55 @@ fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> Option<
     if least >= half || most <= -half {
         return None;
     }
-    let (lines, faces) = (Lines::new(way, reach), [-half, half]);
-    if lines.are_even() {
-        for (part, start) in fill.part.iter_mut().zip(starts) {
-            *part *= lines.part(start, faces);
-        }
-    } else if reach == 0.0 {
-        // The faces are across the bars, which all start at one place.
-        let left = lines.left(starts[0], faces);
-        (0..BARS).for_each(|bar| keep(fill, bar, left));
-    } else {
-        for (bar, start) in starts.into_iter().enumerate() {
-            keep(fill, bar, lines.left(start, faces));
-        }
-    }
+    Lines::new(way, reach, &starts).keep_between(fill, [-half, half]);
     Some(true)
 }
 
 /// Keeps nothing of bars that a plane parts from a box, which its faces by themselves do not tell, and little of those that nearly are.
+#[inline(always)]
 fn keep_where_not_apart(fill: &mut Fill, bars: &Bars, half: DVec3) {
-    let [way, first, second] = [0.5 * bars.way, bars.across[0], bars.across[1]];
-    let sides = [way, first, second];
+    let (way, [first, second]) = (0.5 * bars.way, bars.sides());
+    let centres = [0, 1, 2].map(|axis| bars.starts(axis));
+    // How far each and the box reach into each other along a direction.
+    let overlap = |normal: DVec3| {
+        let reach = normal.dot(way).abs() + normal.dot(first).abs() + normal.dot(second).abs();
+        let both = normal.abs().dot(half) + reach;
+        let along_way = normal.dot(way);
+        of_bars(
+            #[inline(always)]
+            |bar| {
+                let [x, y, z] = [centres[0][bar], centres[1][bar], centres[2][bar]];
+                both - (normal.x * x + normal.y * y + normal.z * z + along_way).abs()
+            },
+        )
+    };
+    let (length, per_length) = (overlap(way), 0.5 / way.length_squared());
+    let (wide, per_width) = (overlap(first), 0.5 / first.length_squared());
+    let (high, per_height) = (overlap(second), 0.5 / second.length_squared());
+    let mut part = of_bars(
+        #[inline(always)]
+        |bar| smaller(wide[bar] * per_width, high[bar] * per_height),
+    );
     // If bars and box have an axis in common, planes along their faces tell all.
-    let is_aligned =
-        sides.iter().any(|side| side.to_array().iter().filter(|part| **part == 0.0).count() == 2);
-    let along_both = |axis: DVec3| sides.map(|side| axis.cross(side));
-    for bar in 0..BARS {
-        if fill.part[bar] == 0.0 {
-            continue;
-        }
-        let centre = bars.starts[bar] + way;
-        // How far both reach into each other along a direction.
-        let overlap = |normal: DVec3| {
-            let reach = normal.dot(way).abs() + normal.dot(first).abs() + normal.dot(second).abs();
-            normal.abs().dot(half) + reach - normal.dot(centre).abs()
-        };
-        let length = overlap(way) / (2.0 * way.length_squared());
-        fill.exit[bar] = smaller(fill.exit[bar], fill.enter[bar] + larger(length, 0.0));
-        let mut part = smaller(
-            overlap(first) / (2.0 * first.length_squared()),
-            overlap(second) / (2.0 * second.length_squared()),
-        );
-        for normal in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().filter(|_| !is_aligned).flat_map(along_both)
-        {
-            if normal.length_squared() > ALONG * ALONG * way.length_squared() {
-                let thickness = normal.dot(first).abs() + normal.dot(second).abs();
-                part = smaller(part, overlap(normal) / larger(2.0 * thickness, LEAST_REACH));
+    let has_one_part = |side: DVec3| side.to_array().into_iter().filter(|part| *part == 0.0).count() == 2;
+    if ![way, first, second].into_iter().any(has_one_part) {
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            for normal in [axis.cross(way), axis.cross(first), axis.cross(second)] {
+                if normal.length_squared() > ALONG * ALONG * way.length_squared() {
+                    let thickness = normal.dot(first).abs() + normal.dot(second).abs();
+                    let (deep, per_thickness) = (overlap(normal), 1.0 / larger(2.0 * thickness, LEAST_REACH));
+                    part = of_bars(
+                        #[inline(always)]
+                        |bar| smaller(part[bar], deep[bar] * per_thickness),
+                    );
+                }
             }
         }
-        fill.part[bar] = within(part, fill.part[bar]);
+    }
+    for bar in 0..BARS {
+        let length = larger(length[bar] * per_length, 0.0);
+        fill.exit[bar] = smaller(fill.exit[bar], fill.enter[bar] + length);
+        fill.part[bar] = within(part[bar], fill.part[bar]);
     }
 }
 
@@ -162,11 +186,11 @@ const OF_CROSS_SECTION: [[f64; 2]; 9] = [
 
 /// Where the line of a bar that is along the z axis and next to it starts, and how far it and the farthest are from the axis.
 fn nearest_to_axis(bars: &Bars, bar: usize) -> (DVec3, [f64; 2]) {
-    let [first, second] = bars.across;
-    let mut nearest = (bars.starts[bar], f64::INFINITY);
+    let [first, second] = bars.sides();
+    let mut nearest = (bars.start_of(bar), f64::INFINITY);
     let mut farthest = 0.0;
     for [along_first, along_second] in OF_CROSS_SECTION {
-        let start = bars.starts[bar] + along_first * first + along_second * second;
+        let start = bars.start_of(bar) + along_first * first + along_second * second;
         let distance = start.truncate().length();
         if distance < nearest.1 {
             nearest = (start, distance);
@@ -189,35 +213,28 @@ fn keep_between_caps(fill: &mut Fill, bars: &Bars, capsule: &Convex) {
     for bar in 0..BARS {
         let (start, _) = nearest_to_axis(bars, bar);
         let [enter, exit] = capsule.interval(start, bars.way).unwrap_or_default();
-        keep(fill, bar, Left { part: 1.0, enter, exit });
+        keep(fill, bar, [enter, exit]);
     }
 }
 
 /// Keeps the part of each middle line that is in a solid.
 fn keep_interval(fill: &mut Fill, bars: &Bars, solid: &Convex) {
     for bar in 0..BARS {
-        let [enter, exit] = solid.interval(bars.starts[bar], bars.way).unwrap_or_default();
-        keep(fill, bar, Left { part: 1.0, enter, exit });
+        let [enter, exit] = solid.interval(bars.start_of(bar), bars.way).unwrap_or_default();
+        keep(fill, bar, [enter, exit]);
     }
 }
 
-/// What is left of a bar: a part of its cross-section, from one place along it to another.
-#[derive(Clone, Copy, Debug)]
-struct Left {
-    part: f64,
-    enter: f64,
-    exit: f64,
-}
-
-/// Keeps of a bar what is left of it otherwise.
+/// Keeps of a bar what is left of it from one place along it to another.
 #[inline(always)]
-fn keep(fill: &mut Fill, bar: usize, Left { part, enter, exit }: Left) {
+fn keep(fill: &mut Fill, bar: usize, [enter, exit]: [f64; 2]) {
     let (enter, exit) = (larger(fill.enter[bar], enter), smaller(fill.exit[bar], exit));
     (fill.enter[bar], fill.exit[bar]) = (enter, larger(enter, exit));
-    fill.part[bar] *= if enter < exit { part } else { 0.0 };
+    fill.part[bar] *= if enter < exit { 1.0 } else { 0.0 };
 }
 
-/// Bars along an axis: how far they lead along it, by size and sign, and how far they reach from their middle lines.
+/// Bars along an axis: how far they lead along it, by size and sign, how far they reach from their middle lines, and where these
+/// are lowest.
 #[derive(Clone, Copy, Debug)]
 struct Lines {
     way: f64,
@@ -225,82 +242,125 @@ struct Lines {
     reach: f64,
     per_thickness: f64,
     per_way: f64,
+    lowest: OfBars,
 }
 
 impl Lines {
     #[inline(always)]
-    fn new(way: f64, reach: f64) -> Self {
-        let (way, is_backwards, reach) = (way.abs(), way < 0.0, larger(reach, LEAST_REACH));
-        Self { way, is_backwards, reach, per_thickness: 0.5 / reach, per_way: 1.0 / way }
+    fn new(way: f64, reach: f64, starts: &OfBars) -> Self {
+        let (length, is_backwards, reach) = (way.abs(), way < 0.0, larger(reach, LEAST_REACH));
+        let lowest = of_bars(
+            #[inline(always)]
+            |bar| starts[bar] + smaller(way, 0.0),
+        );
+        Self { way: length, is_backwards, reach, per_thickness: 0.5 / reach, per_way: 1.0 / length, lowest }
     }
 
-    /// Whether faces take as much of the cross-section all along them.
+    /// Keeps what two faces leave of each.
     #[inline(always)]
-    fn are_even(&self) -> bool {
-        self.way * self.per_thickness < EVEN
-    }
-
-    /// The thickest part of the cross-section that two faces leave of a bar whose middle line starts at a place.
-    #[inline(always)]
-    fn part(&self, start: f64, faces: [f64; 2]) -> f64 {
-        let [above, below] = self.inside(start, faces);
-        let fits = smaller((faces[1] - faces[0]) * self.per_thickness, 1.0);
-        within((smaller(above, below) + self.reach) * self.per_thickness, fits)
-    }
-
-    /// How far the middle line is inside of either face at the most.
-    #[inline(always)]
-    fn inside(&self, start: f64, [low, high]: [f64; 2]) -> [f64; 2] {
-        let least = if self.is_backwards { start - self.way } else { start };
-        [least + self.way - low, high - least]
-    }
-
-    /// What two faces leave of such a bar.
-    #[inline(always)]
-    fn left(&self, start: f64, faces: [f64; 2]) -> Left {
-        let part = self.part(start, faces);
-        let [above, below] = self.inside(start, faces);
-        let (missing_below, missing_above) = (self.missing(above), self.missing(below));
-        let all = missing_below + missing_above;
-        let left = larger(1.0 - all, 0.0);
-        let length = if part < 1.0 { smaller(left / larger(part, f64::MIN_POSITIVE), 1.0) } else { left };
-        let mut enter = if self.is_backwards { missing_above } else { missing_below };
-        if part < 1.0 {
-            // Of what is missing, that much at the start.
-            enter *= (1.0 - length) / larger(all, f64::MIN_POSITIVE);
+    fn keep_between(&self, fill: &mut Fill, [low, high]: [f64; 2]) {
+        let Self { way, is_backwards, reach, per_thickness, lowest, .. } = *self;
+        // How far middle lines are inside of either face at the most.
+        let above = of_bars(
+            #[inline(always)]
+            |bar| lowest[bar] + way - low,
+        );
+        let below = of_bars(
+            #[inline(always)]
+            |bar| high - lowest[bar],
+        );
+        // The thickest part of the cross-section that is left.
+        let fits = smaller((high - low) * per_thickness, 1.0);
+        let part = of_bars(
+            #[inline(always)]
+            |bar| within((smaller(above[bar], below[bar]) + reach) * per_thickness, fits),
+        );
+        if way * per_thickness < EVEN {
+            fill.part = of_bars(
+                #[inline(always)]
+                |bar| fill.part[bar] * part[bar],
+            );
+            return;
         }
-        Left { part, enter, exit: enter + length }
+        let (missing_below, missing_above) = (self.missing(above), self.missing(below));
+        let missing_before = if is_backwards { missing_above } else { missing_below };
+        let all = of_bars(
+            #[inline(always)]
+            |bar| missing_below[bar] + missing_above[bar],
+        );
+        let left = of_bars(
+            #[inline(always)]
+            |bar| larger(1.0 - all[bar], 0.0),
+        );
+        // As thick as it is at the most, and as much volume: of what is missing along a bar then, so much is at its start.
+        let length = of_bars(
+            #[inline(always)]
+            |bar| {
+                let thinner = smaller(left[bar] / larger(part[bar], f64::MIN_POSITIVE), 1.0);
+                either(part[bar] < 1.0, thinner, left[bar])
+            },
+        );
+        let enter = of_bars(
+            #[inline(always)]
+            |bar| {
+                let at_start = (1.0 - length[bar]) / larger(all[bar], f64::MIN_POSITIVE);
+                missing_before[bar] * either(part[bar] < 1.0, at_start, 1.0)
+            },
+        );
+        let exit = of_bars(
+            #[inline(always)]
+            |bar| smaller(fill.exit[bar], enter[bar] + length[bar]),
+        );
+        let enter = of_bars(
+            #[inline(always)]
+            |bar| larger(fill.enter[bar], enter[bar]),
+        );
+        fill.part = of_bars(
+            #[inline(always)]
+            |bar| fill.part[bar] * either(enter[bar] < exit[bar], part[bar], 0.0),
+        );
+        fill.exit = of_bars(
+            #[inline(always)]
+            |bar| larger(enter[bar], exit[bar]),
+        );
+        fill.enter = enter;
     }
 
     /// What a face takes of the volume if the middle line is so far inside of it at one end and, the bar's way less, at the other.
     #[inline(always)]
-    fn missing(&self, inside: f64) -> f64 {
+    fn missing(&self, inside: OfBars) -> OfBars {
         let Self { way, reach, per_thickness, per_way, .. } = *self;
-        if inside - way >= reach {
-            return 0.0;
-        }
         // Of the cross-section (reach - x) / 2 reach is missing where the middle line is x inside, but no less than nothing and no more
         // than all.
         if way < 2.0 * reach {
-            let least = (reach - inside) * per_thickness;
-            let more = way * per_thickness;
-            if more < EVEN {
-                return within(least + 0.5 * more, 1.0);
-            }
-            let sum = |ramp: f64| {
-                let some = within(ramp, 1.0);
-                0.5 * some * some + larger(ramp - 1.0, 0.0)
-            };
-            if least >= 1.0 { 1.0 } else { (sum(least + more) - sum(least)) * (2.0 * reach * per_way) }
+            let (more, thickness) = (way * per_thickness, 2.0 * reach * per_way);
+            of_bars(
+                #[inline(always)]
+                |bar| {
+                    let least = (reach - inside[bar]) * per_thickness;
+                    let some = (sum_of_ramp(least + more, 1.0) - sum_of_ramp(least, 1.0)) * thickness;
+                    either(inside[bar] - way >= reach, 0.0, either(least >= 1.0, 1.0, some))
+                },
+            )
         } else {
-            let (width, behind) = (2.0 * reach * per_way, 1.0 - inside * per_way);
-            let sum = |behind: f64| {
-                let some = within(behind + 0.5 * width, width);
-                0.5 * some * (some / width) + larger(behind - 0.5 * width, 0.0)
-            };
-            sum(behind) - sum(behind - 1.0)
+            let width = 2.0 * reach * per_way;
+            of_bars(
+                #[inline(always)]
+                |bar| {
+                    let end = 1.0 - inside[bar] * per_way + 0.5 * width;
+                    let some = sum_of_ramp(end, width) - sum_of_ramp(end - 1.0, width);
+                    either(inside[bar] - way >= reach, 0.0, some)
+                },
+            )
         }
     }
+}
+
+/// The integral, up to a place, of what rises from nothing to one over a width and stays there.
+#[inline(always)]
+fn sum_of_ramp(to: f64, width: f64) -> f64 {
+    let rising = within(to, width);
+    0.5 * rising * (rising / width) + larger(to - width, 0.0)
 }
 
 /// A number, but no less than nothing and no more than another.
@@ -316,12 +376,27 @@ mod tests {
     use glam::DQuat;
     use proptest::prelude::*;
 
-    /// Four bars side by side about a place, so long, wide and high, along x but for a rotation.
+    /// Four bars side by side about a place, each so long, wide and high, along x but for a rotation.
     fn bars(rotation: DQuat, middle: DVec3, size: DVec3) -> Bars {
         let [way, width, height] = [DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z];
-        let starts = [[-1.5, -0.5], [-0.5, 1.5], [0.5, -1.5], [1.5, 0.5]]
-            .map(|[wide, high]| middle + rotation * (wide * width + high * height - 0.5 * way));
-        Bars { starts, way: rotation * way, across: [0.5 * (rotation * width), 0.5 * (rotation * height)] }
+        let start = middle - rotation * (0.5 * way);
+        Bars { start, way: rotation * way, across: [2.0 * (rotation * width), 2.0 * (rotation * height)] }
+    }
+
+    /// What of them is in a solid. That they are in a box that is nearly as large tells nothing else.
+    fn fill(solid: &Convex, bars: &Bars) -> Fill {
+        let (middle, [first, second]) = (bars.start + 0.5 * bars.way, bars.across);
+        let half = 0.5 * bars.way.abs() + first.abs() + second.abs();
+        let mut fill = [Fill::NOTHING; 2];
+        for (fill, half) in fill.iter_mut().zip([half, DVec3::INFINITY]) {
+            solid.fill([middle, half], std::slice::from_ref(bars), std::slice::from_mut(fill));
+        }
+        let [known, unknown] = fill;
+        for bar in 0..BARS {
+            let difference = [known, unknown].map(|fill| fill.part[bar] * (fill.exit[bar] - fill.enter[bar]));
+            assert!((difference[0] - difference[1]).abs() < 1e-12, "{known:?} {unknown:?}");
+        }
+        known
     }
 
     fn volumes(fill: &Fill) -> [f64; BARS] {
@@ -349,11 +424,11 @@ mod tests {
             size in vectors(0.05..2.0),
         ) {
             let bars = bars(DQuat::IDENTITY, middle, size);
-            let found = volumes(&Convex::Box(half).fill(&bars));
-            for (bar, start) in bars.starts.into_iter().enumerate() {
-                let centre = start + 0.5 * bars.way;
+            let found = volumes(&fill(&Convex::Box(half), &bars));
+            for (bar, found) in found.into_iter().enumerate() {
+                let centre = bars.start_of(bar) + 0.5 * bars.way;
                 let overlap = ((centre + 0.5 * size).min(half) - (centre - 0.5 * size).max(-half)).max(DVec3::ZERO) / size;
-                prop_assert!((found[bar] - overlap.element_product()).abs() < 1e-9, "{} {overlap}", found[bar]);
+                prop_assert!((found - overlap.element_product()).abs() < 1e-9, "{found} {overlap}");
             }
         }
 
@@ -378,7 +453,7 @@ mod tests {
                 (Convex::Capsule { radius, half_length }, 0.15),
                 (Convex::Capsule { radius, half_length: 0.0 }, 0.15),
             ] {
-                let [now, then] = [now, then].map(|middle| volumes(&solid.fill(&bars(rotation, middle, size))));
+                let [now, then] = [now, then].map(|middle| volumes(&fill(&solid, &bars(rotation, middle, size))));
                 for bar in 0..BARS {
                     prop_assert!((now[bar] - then[bar]).abs() < most, "{solid:?} {} {}", now[bar], then[bar]);
                 }
@@ -401,13 +476,12 @@ mod tests {
                 Convex::Capsule { radius, half_length },
             ];
             for solid in solids {
-                let fill = solid.fill(&bars);
+                let fill = fill(&solid, &bars);
                 for bar in (0..BARS).filter(|&bar| fill.part[bar] * (fill.exit[bar] - fill.enter[bar]) > 2e-2) {
                     let parts = |count: u32| (0..=count).map(move |k| f64::from(k) / f64::from(count));
                     let is_met = parts(24).any(|along| parts(8).any(|wide| parts(8).any(|high| {
-                        let [wide, high] = [wide, high].map(|part| 2.0 * part - 1.0);
-                        let point = bars.starts[bar] + along * bars.way + wide * bars.across[0] + high * bars.across[1];
-                        solid.contains(point)
+                        let ([wide, high], [first, second]) = ([wide, high].map(|part| 2.0 * part - 1.0), bars.sides());
+                        solid.contains(bars.start_of(bar) + along * bars.way + wide * first + high * second)
                     })));
                     prop_assert!(is_met, "{solid:?} {fill:?}");
                 }
@@ -420,8 +494,8 @@ mod tests {
             let size = DVec3::splat(0.1);
             let (half, radius, half_length) = (DVec3::splat(1.0), 1.0, 1.0);
             for solid in [Convex::Box(half), Convex::Cylinder { radius, half_length }, Convex::Capsule { radius, half_length }] {
-                prop_assert_eq!(solid.fill(&bars(rotation, place, size)), Fill::WHOLE);
-                let beside = solid.fill(&bars(rotation, place + 4.0 * DVec3::X, size));
+                prop_assert_eq!(fill(&solid, &bars(rotation, place, size)), Fill::WHOLE);
+                let beside = fill(&solid, &bars(rotation, place + 4.0 * DVec3::X, size));
                 prop_assert_eq!(beside.part, Fill::NOTHING.part);
             }
         }

@@ -297,11 +297,13 @@ impl Surfaces for Solids {
         self.solids[object].span(a, b)
     }
 
-    fn fill_in_frame(&self, object: usize, bars: &Bars) -> Fill {
+    fn fill_in_frame(&self, object: usize, within: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
         match &self.solids[object].body {
-            Body::Convex(convex) => convex.fill(bars),
+            Body::Convex(convex) => convex.fill(within, bars, fill),
             Body::Enclosed(enclosed) => {
-                Fill::over(bars.starts.map(|start| enclosed.span(start, start + bars.way)))
+                for (bars, fill) in bars.iter().zip(fill) {
+                    *fill = Fill::over(bars.middle_lines().map(|[start, end]| enclosed.span(start, end)));
+                }
             }
         }
     }

@@ -212,10 +212,13 @@ impl Islands {
                 weight => outward.push(Outward { to: None, weight }),
             }
             network.edges().for_edges_at(node as usize, |edge, end| {
-                let Some(ends) = network.edges().ends(edge) else { return };
-                let other = ends[1 - end];
+                let base = network.weights()[edge];
+                if base == 0.0 {
+                    // On a lattice, there may be no such edge.
+                    return;
+                }
+                let other = network.edges().ends_of_existing(edge)[1 - end];
                 if root(parent, other) != nodes[0] {
-                    let base = network.weights()[edge];
                     let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
                     let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
                     outward.push(Outward { to: Some(other), weight });

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// One number or the other, both being known. In bits, as a choice between floating-point numbers may become a branch.
 #[inline(always)]
-pub(super) fn either(condition: bool, one: f64, other: f64) -> f64 {
+pub(crate) fn either(condition: bool, one: f64, other: f64) -> f64 {
     let mask = u64::from(condition).wrapping_neg();
     f64::from_bits(one.to_bits() & mask | other.to_bits() & !mask)
 }

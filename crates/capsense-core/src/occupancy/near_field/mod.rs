@@ -49,6 +49,7 @@ use crate::mesh::Edges;
 use crate::sensor::FREE;
 use crate::workers::Workers;
 use cells::RowCells;
+pub(crate) use cells::either;
 use glam::DVec3;
 use link::Unlinked;
 use look::Look;

@@ -3,6 +3,10 @@
 use crate::geometry::Aabb;
 use crate::mesh::Lattice;
 use glam::DVec3;
+use std::ops::Deref;
+
+/// Into how many the box around an edge is cut.
+pub(super) const QUARTERS: usize = 4;
 
 /// What is around an edge of a lattice.
 pub(super) struct Around {
@@ -11,8 +15,8 @@ pub(super) struct Around {
     /// That along which the edge is, and those across it.
     pub(super) axis: usize,
     pub(super) across: [usize; 2],
-    /// The steps to the neighbours below and above along either axis across the edge; none at the rim of the lattice.
-    steps: [[Option<f64>; 2]; 2],
+    /// The steps to the neighbours below and above along either axis across the edge; zero at the rim of the lattice, where there is none.
+    steps: [[f64; 2]; 2],
     /// The first node.
     place: [usize; 3],
     /// How many cells there are along x and y.
@@ -20,7 +24,7 @@ pub(super) struct Around {
 }
 
 /// A quarter of the box around an edge: what of it lies in one of the cells around the edge.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Quarter {
     /// The way from the edge to the quarter's middle along the axes across it. Half its widths are in it.
     pub(super) offset: [f64; 2],
@@ -28,6 +32,21 @@ pub(super) struct Quarter {
     pub(super) share: f64,
     /// The cell that it lies in.
     pub(super) cell: usize,
+}
+
+/// The quarters of the box around an edge. At the rim of the lattice there are fewer than four.
+pub(super) struct Quarters {
+    all: [Quarter; QUARTERS],
+    count: usize,
+}
+
+impl Deref for Quarters {
+    type Target = [Quarter];
+
+    #[inline]
+    fn deref(&self) -> &[Quarter] {
+        &self.all[..self.count]
+    }
 }
 
 impl Around {
@@ -43,8 +62,8 @@ impl Around {
         let across = [(axis + 1) % 3, (axis + 2) % 3];
         let steps = |axis: usize| {
             let (planes, at) = (&planes[axis], place[axis]);
-            let step = |plane: &f64| plane - planes[at];
-            [planes[..at].last().map(step), planes.get(at + 1).map(step)]
+            let step = |plane: Option<&f64>| plane.map_or(0.0, |plane| plane - planes[at]);
+            [step(planes[..at].last()), step(planes.get(at + 1))]
         };
         let steps = [steps(across[0]), steps(across[1])];
         let [x, y, _] = lattice.node_counts();
@@ -54,7 +73,7 @@ impl Around {
     /// How far the box around it, half-way to its neighbours, reaches along the axes across it.
     #[inline]
     pub(super) fn reach(&self) -> [[f64; 2]; 2] {
-        self.steps.map(|steps| steps.map(|step| 0.5 * step.unwrap_or(0.0)))
+        self.steps.map(|[below, above]| [0.5 * below, 0.5 * above])
     }
 
     #[inline]
@@ -67,20 +86,26 @@ impl Around {
         Aabb { min, max }
     }
 
-    /// The quarters of that box. At the rim of the lattice there are fewer than four.
+    /// The quarters of that box.
     #[inline]
-    pub(super) fn quarters(&self) -> impl Iterator<Item = Quarter> + '_ {
+    pub(super) fn quarters(&self) -> Quarters {
         let [columns, rows] = self.cells;
-        (0..4).filter_map(move |quarter: usize| {
+        let (mut all, mut count) = ([Quarter::default(); QUARTERS], 0);
+        for quarter in 0..QUARTERS {
             let sides = [quarter / 2, quarter % 2];
-            let (first, second) = (self.steps[0][sides[0]]?, self.steps[1][sides[1]]?);
+            let (first, second) = (self.steps[0][sides[0]], self.steps[1][sides[1]]);
+            let share = 0.25 * (first * second).abs();
+            if share == 0.0 {
+                continue;
+            }
             let mut behind = self.place;
             behind[self.across[0]] -= 1 - sides[0];
             behind[self.across[1]] -= 1 - sides[1];
             let cell = (behind[2] * rows + behind[1]) * columns + behind[0];
-            let share = 0.25 * (first * second).abs();
-            Some(Quarter { offset: [0.25 * first, 0.25 * second], share, cell })
-        })
+            all[count] = Quarter { offset: [0.25 * first, 0.25 * second], share, cell };
+            count += 1;
+        }
+        Quarters { all, count }
     }
 
     pub(super) fn bounds_of(&self, quarter: &Quarter) -> Aabb {
@@ -109,7 +134,7 @@ mod tests {
             Quarter { offset, share, cell }
         };
         let along_x = at([0, 2, 1], 0).unwrap();
-        let found: Vec<_> = along_x.quarters().collect();
+        let found = along_x.quarters();
         assert_eq!(found[0], quarter([-0.25, -0.25], 0.25, [0, 1, 0]));
         assert_eq!(found[3], quarter([1.0, 1.0], 4.0, [0, 2, 1]));
         assert_eq!(found.iter().map(|quarter| quarter.share).sum::<f64>(), 2.5 * 2.5);
@@ -117,8 +142,8 @@ mod tests {
         assert_eq!(along_x.bounds_of(&found[1]), of([0.0, 2.5, 1.0], [1.0, 3.0, 3.0]));
         assert_eq!(along_x.bounds(), of([0.0, 2.5, 0.5], [1.0, 5.0, 3.0]));
         let along_z = at([0, 0, 1], 2).unwrap();
-        let of_rim: Vec<_> = along_z.quarters().collect();
-        assert_eq!(of_rim, [quarter([0.25, 0.5], 0.5, [0, 0, 1])]);
+        let of_rim = along_z.quarters();
+        assert_eq!(*of_rim, [quarter([0.25, 0.5], 0.5, [0, 0, 1])]);
         assert_eq!(along_z.bounds(), of([0.0, 0.0, 1.0], [0.5, 1.0, 5.0]));
         assert!(at([2, 0, 0], 0).is_none(), "there is no such edge");
     }

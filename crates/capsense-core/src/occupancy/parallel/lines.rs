@@ -1,18 +1,11 @@
 //! Lines in the box around an edge, in the frame of a body.
 
 use super::super::{BARS, Bars, Fill, LayersWithin, Side, Span, Surfaces};
-use super::around::{Around, Quarter};
+use super::around::{Around, QUARTERS, Quarter};
 use glam::DVec3;
 
 /// How many lines pass a quarter.
 pub(super) const LINES: usize = BARS;
-
-/// Where they do, in parts of half its widths from its middle. Along either axis each is at a place of its own,
-/// so that they are side by side there without a gap, and places along one axis tell nothing of those along the other.
-const PLACES: [[f64; 2]; LINES] = [[-0.75, -0.25], [-0.25, 0.75], [0.25, -0.75], [0.75, 0.25]];
-
-/// How far what a line stands for reaches beside it, in the same parts.
-const REACH: f64 = 0.25;
 
 /// From an edge it is so many times as far to the next one as to the middle of the quarter on that side.
 const TO_NEXT: f64 = 4.0;
@@ -25,6 +18,8 @@ pub(super) struct InFrame<'a> {
     way: DVec3,
     /// The directions across it.
     across: [DVec3; 2],
+    /// The middle of a box that holds that around the edge, and half its size.
+    within: [DVec3; 2],
 }
 
 /// The lines in a quarter of its box.
@@ -37,29 +32,37 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> InFrame<'a> {
-    #[inline]
+    #[inline(always)]
     pub(super) fn of(surfaces: &'a dyn Surfaces, object: usize, around: &Around) -> Self {
         let frame = surfaces.frame(object);
         let direction = |axis: usize| frame.object_from_sensor.col(axis);
         let Around { from, to, axis, across: [first, second], .. } = *around;
-        Self {
-            surfaces,
-            object,
-            from: frame.point(from),
-            way: direction(axis) * (to[axis] - from[axis]),
-            across: [direction(first), direction(second)],
+        let (from, way) = (frame.point(from), direction(axis) * (to[axis] - from[axis]));
+        let across = [direction(first), direction(second)];
+        let (mut middle, mut half) = (from + 0.5 * way, 0.5 * way.abs());
+        for (direction, [below, above]) in across.into_iter().zip(around.reach()) {
+            middle += (0.5 * (above + below)) * direction;
+            half += (0.5 * (above - below)) * direction.abs();
         }
+        Self { surfaces, object, from, way, across, within: [middle, half] }
     }
 
     /// On which side of the body's surface all of the box around the edge is, if that is soon seen.
     #[inline]
-    pub(super) fn side(&self, around: &Around) -> Option<Side> {
-        let (mut middle, mut half) = (self.from + 0.5 * self.way, 0.5 * self.way.abs());
-        for (direction, [below, above]) in self.across.into_iter().zip(around.reach()) {
-            middle += (0.5 * (above + below)) * direction;
-            half += (0.5 * (above - below)) * direction.abs();
-        }
+    pub(super) fn side(&self) -> Option<Side> {
+        let [middle, half] = self.within;
         self.surfaces.side_of(self.object, middle, half)
+    }
+
+    /// Tells what of the lines in each quarter is in the body.
+    #[inline]
+    pub(super) fn fill(&self, quarters: &[Quarter], fill: &mut [Fill; QUARTERS]) {
+        let mut bars = [Bars::NONE; QUARTERS];
+        for (bars, quarter) in bars.iter_mut().zip(quarters) {
+            *bars = self.lines(quarter, None).bars();
+        }
+        let count = quarters.len();
+        self.surfaces.fill_in_frame(self.object, self.within, &bars[..count], &mut fill[..count]);
     }
 
     #[inline]
@@ -74,21 +77,25 @@ impl Lines<'_> {
         self.edge.object
     }
 
-    /// What of each line is in the body, as a bar of a quarter of the quarter's widths.
+    /// What the lines stand for: a quarter of the quarter's widths each.
+    #[inline]
+    fn bars(&self) -> Bars {
+        let InFrame { from, way, .. } = *self.edge;
+        let [first, second] = self.offset;
+        Bars { start: from + first + second, way, across: self.offset }
+    }
+
+    /// What of them is in the body.
     #[inline]
     pub(super) fn fill(&self) -> Fill {
-        let &InFrame { surfaces, object, from, way, .. } = self.edge;
-        let [first, second] = self.offset;
-        let mut starts = [from + first + second; LINES];
-        for (start, [along_first, along_second]) in starts.iter_mut().zip(PLACES) {
-            *start += first * along_first + second * along_second;
-        }
+        let (surfaces, object, bars) = (self.edge.surfaces, self.edge.object, self.bars());
         let Some(layers) = self.layers else {
-            let across = [REACH * first, REACH * second];
-            return surfaces.fill_in_frame(object, &Bars { starts, way, across });
+            let mut fill = Fill::WHOLE;
+            let of_one = std::slice::from_mut(&mut fill);
+            surfaces.fill_in_frame(object, self.edge.within, std::slice::from_ref(&bars), of_one);
+            return fill;
         };
-        Fill::over(starts.map(|start| {
-            let end = start + way;
+        Fill::over(bars.middle_lines().map(|[start, end]| {
             match layers.side_of([start.z.min(end.z), start.z.max(end.z)]) {
                 Some(Side::Outside) => None,
                 Some(Side::Inside) => Some(Span::WHOLE),

@@ -15,7 +15,7 @@
 //! jumps as a permittivity changes. Measured, beside what the edge rule and lines alone make of the same bodies: `docs/interface.md`.
 
 use super::lines::{LINES, Lines};
-use super::{Fill, Scene, Span, WEAK};
+use super::{Fill, Scene, Span, WEAK, either, smaller};
 use crate::material::Material;
 
 /// A gap counts as a whole if it is longer by this part of the way to the next edge than what is between that and the body, which is as
@@ -41,6 +41,11 @@ impl PassedBy {
         Self { gap: length * self.gap, ..self }
     }
 
+    #[inline(always)]
+    pub(super) fn are_lines_alone(self) -> bool {
+        self.gap == 0.0 && self.part == 1.0
+    }
+
     /// Of two bodies on one line, what counts most of either.
     pub(super) fn and(self, other: Self) -> Self {
         Self { gap: self.gap.max(other.gap), part: self.part.min(other.part) }
@@ -49,11 +54,17 @@ impl PassedBy {
     /// What multiplies the weight of a line that would have `through` by itself: no less than without bodies that raise it.
     #[inline(always)]
     pub(super) fn through(self, through: f64) -> f64 {
-        if self.gap == 0.0 && self.part == 1.0 {
+        if self.are_lines_alone() {
             return through;
         }
-        let behind = if through > 1.0 { 1.0 / (1.0 / through + self.gap).min(1.0) } else { through };
-        1.0 + self.part * (behind - 1.0)
+        self.through_any(through)
+    }
+
+    /// The same where lines are not all that counts.
+    #[inline(always)]
+    pub(super) fn through_any(self, through: f64) -> f64 {
+        let behind = 1.0 / smaller(1.0 / through + self.gap, 1.0);
+        1.0 + self.part * (either(through > 1.0, behind, through) - 1.0)
     }
 }
 
