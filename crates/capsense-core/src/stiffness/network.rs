@@ -7,8 +7,12 @@
 use crate::mesh::{Background, CANCELLED, EdgeList, EdgeShare, Edges, Lattice, TetMesh};
 use crate::occupancy::SMALLEST_PART;
 use crate::sensor::{GROUND, OpenWall, RimLink, Sensor, Terminal, WallEdge};
+use glam::DVec3;
 
 pub use crate::mesh::barycentric_gradients;
+
+/// Edges that lead along z by no more than this part of their length are in an electrode's plane.
+const IN_PLANE: f64 = 1e-6;
 
 /// The edges of a mesh and their weights.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +23,8 @@ pub struct EdgeNetwork {
     /// Number of rows of electrodes and of ground.
     held_rows: usize,
     rim: Vec<RimLink>,
+    /// Edges that lead from nodes at rims out of their electrode's plane, in increasing order.
+    out_of_plane: Vec<u32>,
 }
 
 /// What one element adds to one edge.
@@ -83,6 +89,7 @@ impl EdgeNetwork {
             permittivity: Background::new(permittivity),
             held_rows: 0,
             rim: Vec::new(),
+            out_of_plane: Vec::new(),
         }
     }
 
@@ -114,7 +121,14 @@ impl EdgeNetwork {
             }
         }
         let permittivity = weights.iter().zip(&vacuum).map(|(w, v)| mean_permittivity(*w, *v)).collect();
-        Self { edges, weights, permittivity: Background::new(permittivity), held_rows: 0, rim: Vec::new() }
+        Self {
+            edges,
+            weights,
+            permittivity: Background::new(permittivity),
+            held_rows: 0,
+            rim: Vec::new(),
+            out_of_plane: Vec::new(),
+        }
     }
 
     /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
@@ -142,6 +156,7 @@ impl EdgeNetwork {
             }
         }
         network.rim = sensor.rim().to_vec();
+        network.out_of_plane = network.find_out_of_plane(sensor.mesh().nodes());
         network.held_rows = sensor.held_rows().count();
         if let Some(wall) = sensor.open_wall() {
             network.open(wall, sensor.terminals());
@@ -169,6 +184,7 @@ impl EdgeNetwork {
             electrode: ground,
             weight,
             inside: false,
+            covered: 0.0,
         }));
     }
 
@@ -191,6 +207,29 @@ impl EdgeNetwork {
     /// is numbered like one more electrode.
     pub fn rim(&self) -> &[RimLink] {
         &self.rim
+    }
+
+    /// Electrodes of which it is known what their rims' nodes cover are across z.
+    fn find_out_of_plane(&self, nodes: &[DVec3]) -> Vec<u32> {
+        let mut found = Vec::new();
+        for link in self.rim.iter().filter(|link| link.covered > 0.0) {
+            self.edges.for_edges_at(link.node as usize, |edge, _| {
+                if self.weights[edge] > 0.0 {
+                    let [a, b] = self.edges.ends_of_existing(edge).map(|end| nodes[end as usize]);
+                    if (b.z - a.z).abs() > IN_PLANE * a.distance(b) {
+                        found.push(edge as u32);
+                    }
+                }
+            });
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// Whether an edge leads from a node at a rim out of its electrode's plane.
+    pub(super) fn leads_out_of_plane(&self, edge: usize) -> bool {
+        self.out_of_plane.binary_search(&(edge as u32)).is_ok()
     }
 
     /// Mean relative permittivity of the background around each edge.

@@ -1,4 +1,9 @@
-//! The weights of links between electrodes and the nodes at their rims, as dielectrics near them have it.
+//! The weights of links between electrodes and the nodes at their rims, as dielectrics and conductors near them have it.
+//!
+//! A conductor close before an electrode makes plates of both, and what counts of a node at the rim is the part of its cell that the
+//! electrode covers: of the capacitor G between node and conductor, as much belongs to the electrode. In series with a link L, this takes
+//! G L / (G + L) there, so L has to be G s/(1 - s) for a part s. What the conductor adds to G when it comes closer than the next node, the
+//! link is made heavier by.
 
 use super::EdgeNetwork;
 use crate::occupancy::{NO_OBJECT, Occupancy};
@@ -42,7 +47,7 @@ impl RimWeights {
     }
 
     /// Weighs the links of a node anew and returns their sum. A link stands for the field around the rim, so it grows as
-    /// the mean permittivity around the node does. Edges that end in a conductor tell nothing of it.
+    /// the mean permittivity around the node does, and is heavier where a conductor is close before the electrode.
     pub(super) fn update(&mut self, node: u32, network: &EdgeNetwork, occupancy: &Occupancy) -> f64 {
         // Most nodes are far from any rim.
         if !self.extent.contains(&node) {
@@ -53,24 +58,45 @@ impl RimWeights {
         if count == 0 {
             return 0.0;
         }
-        let (mut sum, mut of_empty) = (0.0, 0.0);
-        network.edges().for_edges_at(node as usize, |edge, _| {
-            let weight = network.weights()[edge];
-            let coupling = &occupancy.couplings()[edge];
-            let Some(ends) = network.edges().ends(edge) else { return };
-            let held = ends.into_iter().any(|end| occupancy.conductors()[end as usize] != NO_OBJECT);
-            if weight > 0.0 && !coupling.is_linked() && !held {
-                sum += weight * coupling.through;
-                of_empty += weight;
-            }
-        });
-        let ratio = if of_empty > 0.0 { sum / of_empty } else { 1.0 };
+        let Around { permittivity, nearer } = Around::of(node, network, occupancy);
         let links = self.now[first..first + count].iter_mut().zip(&self.empty[first..]);
         links.fold(0.0, |total, (now, empty)| {
-            let weight = empty.weight * ratio;
+            let weight = empty.weight * permittivity + nearer * (empty.covered / (1.0 - empty.covered));
             self.changed |= weight.to_bits() != now.weight.to_bits();
             now.weight = weight;
             total + weight
         })
+    }
+}
+
+/// What is around a node at a rim.
+struct Around {
+    /// The mean permittivity in parts of that of the empty scene. Edges that end in a conductor tell nothing of it.
+    permittivity: f64,
+    /// By how much what leads to conductors before and behind the electrode weighs more than edges do.
+    nearer: f64,
+}
+
+impl Around {
+    fn of(node: u32, network: &EdgeNetwork, occupancy: &Occupancy) -> Self {
+        let (mut sum, mut of_empty, mut nearer) = (0.0, 0.0, 0.0);
+        network.edges().for_edges_at(node as usize, |edge, end| {
+            let weight = network.weights()[edge];
+            if weight <= 0.0 {
+                return;
+            }
+            let coupling = &occupancy.couplings()[edge];
+            let ends = network.edges().ends_of_existing(edge);
+            let is_held = |end: u32| occupancy.conductors()[end as usize] != NO_OBJECT;
+            if network.leads_out_of_plane(edge) {
+                let through = if is_held(ends[1 - end]) { coupling.through } else { 0.0 };
+                nearer += weight * (coupling.factor[end] + through - 1.0).max(0.0);
+            }
+            if !coupling.is_linked() && !ends.into_iter().any(is_held) {
+                sum += weight * coupling.through;
+                of_empty += weight;
+            }
+        });
+        Self { permittivity: if of_empty > 0.0 { sum / of_empty } else { 1.0 }, nearer }
     }
 }

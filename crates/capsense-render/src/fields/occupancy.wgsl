@@ -19,6 +19,8 @@ struct Span { enter: f32, leave: f32 }
 
 const NO_OBJECT: u32 = 0xffffu;
 const HELD_AT_ZERO: u32 = 0xfffffffeu;
+// Words of a link in the tables.
+const LINK_WORDS: u32 = 3u;
 // As the host's numbers of terminals.
 const FREE: u32 = 0xffffu;
 const GROUND: u32 = 0u;
@@ -177,13 +179,18 @@ fn add_link(sums: ptr<function, Sums>, weight: f32, holder: u32) {
     if (holder < COLUMNS) { (*sums).feeds[holder] += weight; }
 }
 
+// Thin electrodes are across this axis.
+const ELECTRODE_NORMAL: u32 = 2u;
+
 // Links between a node and the electrodes whose rim it is at, and ground beyond an open wall: they grow as the mean permittivity
-// around the node does.
-fn add_own_links(sums: ptr<function, Sums>, node: u32, ratio: f32) {
+// around the node does, and by what conductors add to the weights of edges across the electrode, as far as that covers the node.
+fn add_own_links(sums: ptr<function, Sums>, node: u32, ratio: f32, nearer: f32) {
     let word = tables[lattice.nodes_at + 2u * node + 1u];
-    let start = lattice.links_at + 2u * (word / 16u);
+    let start = lattice.links_at + LINK_WORDS * (word / 16u);
     for (var link = 0u; link < word % 16u; link++) {
-        add_link(sums, ratio * bitcast<f32>(tables[start + 2u * link + 1u]), tables[start + 2u * link]);
+        let at = start + LINK_WORDS * link;
+        let weight = ratio * bitcast<f32>(tables[at + 1u]) + nearer * bitcast<f32>(tables[at + 2u]);
+        add_link(sums, weight, tables[at]);
     }
 }
 
@@ -199,6 +206,7 @@ fn is_near_any(place: vec3<u32>) -> bool {
 fn find_row(grid: Grid, node: u32, place: vec3<u32>, next: ptr<function, vec3<f32>>, sums: ptr<function, Sums>) {
     var links: array<vec2<u32>, 6>;
     var means = vec2<f32>();
+    var nearer = 0.0f;
     var changed = 0u;
     for (var number = 0u; number < 6u; number++) {
         let axis = number / 2u;
@@ -221,10 +229,14 @@ fn find_row(grid: Grid, node: u32, place: vec3<u32>, next: ptr<function, vec3<f3
         }
         let end = select(1u, 0u, is_own);
         links[number] = vec2<u32>(bitcast<u32>(weight * coupling.factor[end]), coupling.object[end]);
+        if (axis == ELECTRODE_NORMAL) {
+            let through = select(0.0, coupling.through, owners[1u - end] != NO_OBJECT);
+            nearer += weight * max(coupling.factor[end] + through - 1.0, 0.0);
+        }
         let is_linked = any(coupling.object != vec2<u32>(NO_OBJECT));
         if (!is_linked && all(owners == vec2<u32>(NO_OBJECT))) { means += weight * vec2<f32>(coupling.through, 1.0); }
     }
-    add_own_links(sums, node, select(1.0, means.x / max(means.y, LEAST), means.y > 0.0));
+    add_own_links(sums, node, select(1.0, means.x / max(means.y, LEAST), means.y > 0.0), nearer);
     for (var number = 0u; number < 6u; number++) {
         if (links[number].y == NO_OBJECT) { continue; }
         let holder = object_word(links[number].y, HOLDER);
@@ -242,7 +254,7 @@ fn empty_row(node: u32, sums: ptr<function, Sums>) {
         changed += select(0u, 1u, found[at] != 0u);
         found[at] = 0u;
     }
-    add_own_links(sums, node, 1.0);
+    add_own_links(sums, node, 1.0, 0.0);
     if (changed > 0u) { atomicAdd(&flags[flag_at(CHANGED)], changed); }
 }
 

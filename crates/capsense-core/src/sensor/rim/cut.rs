@@ -10,7 +10,7 @@
 use super::place::Places;
 use super::plane::{Plane, PlaneNode};
 use super::tube::Tube;
-use super::{CONVEX_CORNER, Link, Linked, Rim};
+use super::{CONVEX_CORNER, LARGEST_SHARE, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::TetMesh;
 
@@ -29,12 +29,19 @@ pub(crate) fn rim_of_cut(mesh: &TetMesh, electrode: &Electrode, flat: f64) -> Op
             Link::Held => rim.held.push(node),
             Link::Weight(weight) => {
                 let weight = weight * of.dielectric_area;
-                rim.linked.push(Linked { node, weight, inside: of.place.distance <= 0.0 });
+                let (inside, covered) = (of.place.distance <= 0.0, covered(&of));
+                rim.linked.push(Linked { node, weight, inside, covered });
             }
             Link::None => {}
         }
     }
     Some(rim)
+}
+
+/// The part of a node's cell that the electrode covers: on a straight rim a half, on a convex corner a quarter.
+fn covered(node: &PlaneNode) -> f64 {
+    let behind_side = 0.5 - node.place.distance / node.rows;
+    ((1.0 - 0.5 * node.corner) * behind_side).clamp(0.0, LARGEST_SHARE)
 }
 
 /// What a node of the plane is; weights are for each unit of its area and permittivity.

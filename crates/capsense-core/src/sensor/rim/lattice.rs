@@ -3,7 +3,7 @@
 use super::half_plane::HalfPlane;
 use super::place::{Corner, Place, Places};
 use super::stack::{Cell, Stack};
-use super::{CONVEX_CORNER, Link, Linked, Rim};
+use super::{CONVEX_CORNER, LARGEST_SHARE, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
 use crate::sensor::{FREE, Terminal};
@@ -61,13 +61,14 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 let (size, middle) = (0.5 * (before + after), 0.25 * (after - before));
                 let place = places.at(DVec2::new(xs[i], ys[j]), ON_RIM * size.min_element());
                 let node = lattice.node_index([i, j, k]) as u32;
-                let near_rim = || Surroundings { ground, place: [i, j, k], size, middle }.link(&place);
+                let around = Surroundings { ground, place: [i, j, k], size, middle };
                 // As far as the larger of two unequal cells reaches.
                 let larger = before.max(after);
-                match link_of_far(&place, larger, height).unwrap_or_else(near_rim) {
+                match link_of_far(&place, larger, height).unwrap_or_else(|| around.link(&place)) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
-                        rim.linked.push(Linked { node, weight, inside: place.distance <= 0.0 })
+                        let (inside, covered) = (place.distance <= 0.0, around.covered(&place));
+                        rim.linked.push(Linked { node, weight, inside, covered })
                     }
                     Link::None => {}
                 }
@@ -100,13 +101,28 @@ struct Surroundings<'a> {
 
 impl Surroundings<'_> {
     fn link(&self, place: &Place) -> Link {
-        let near_corner =
-            place.corner.filter(|corner| (corner.from.abs() / self.size).max_element() < NEAR_CORNER);
-        let Shared { share, weight, .. } = match near_corner {
+        let Shared { share, weight, .. } = match self.near_corner(place) {
             Some(corner) => self.at_corner(&corner),
             None => self.across(place.normal, place.distance),
         };
         Link::of_share(share, weight)
+    }
+
+    fn near_corner(&self, place: &Place) -> Option<Corner> {
+        place.corner.filter(|corner| (corner.from.abs() / self.size).max_element() < NEAR_CORNER)
+    }
+
+    /// The part of it that an electrode covers, of which its rim leaves all behind it.
+    fn covered(&self, place: &Place) -> f64 {
+        let behind = |normal: DVec2, distance: f64| {
+            let rows = 1.0 / (normal.abs() / self.size).element_sum();
+            (0.5 - (distance + normal.dot(self.middle)) / rows).clamp(0.0, 1.0)
+        };
+        match self.near_corner(place) {
+            Some(Corner { from, normals: [a, b] }) => behind(a, a.dot(from)) * behind(b, b.dot(from)),
+            None => behind(place.normal, place.distance),
+        }
+        .min(LARGEST_SHARE)
     }
 
     /// At a distance outside of a straight rim. Oblique rims have rows closer to each other, of nodes further apart: exact

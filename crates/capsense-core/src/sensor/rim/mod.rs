@@ -59,6 +59,8 @@ pub struct RimLink {
     pub weight: f64,
     /// Whether the node lies within the outline or on it.
     pub inside: bool,
+    /// The part of the node's cell in the plane of the electrode that this covers, below one; zero where that is not known.
+    pub covered: f64,
 }
 
 /// What an electrode makes of the nodes at its rim.
@@ -77,4 +79,6 @@ pub(super) struct Linked {
     pub(super) weight: f64,
     /// Whether it lies within the outline or on it.
     pub(super) inside: bool,
+    /// As in [`RimLink`].
+    pub(super) covered: f64,
 }

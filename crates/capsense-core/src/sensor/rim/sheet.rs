@@ -15,6 +15,7 @@ use crate::mesh::{TetMesh, barycentric_gradients, signed_volume};
 use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::TAU;
 
 /// κ where the rim has no straight part from which it could be told: what meshes of common generators have.
 const USUAL: f64 = 0.5;
@@ -44,6 +45,7 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
         }
     }
     let balances = balances(mesh, owners, &sides, &mirrored);
+    let covered = covered(mesh, &sides);
     let permittivity = permittivity_around(mesh, half_lengths.keys().map(|(_, node)| *node));
     let mut links = Vec::with_capacity(half_lengths.len());
     for of_terminal in half_lengths.into_iter().collect::<Vec<_>>().chunk_by(|a, b| a.0.0 == b.0.0) {
@@ -53,9 +55,30 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
             electrode: terminal - 1,
             weight: permittivity[&node] * length / kappa,
             inside: true,
+            covered: covered.get(&(terminal, node)).copied().unwrap_or_default(),
         }));
     }
     links
+}
+
+/// The part of the plane around each node at a rim that its sheet covers: the angle between the rim's sides there, the smaller one. Zero where
+/// the sheet is not across z, and where several rims meet.
+fn covered(mesh: &TetMesh, sides: &[Side]) -> BTreeMap<(Terminal, u32), f64> {
+    let mut at: BTreeMap<(Terminal, u32), Vec<DVec3>> = BTreeMap::new();
+    for side in sides {
+        let point = |node: u32| mesh.nodes()[node as usize];
+        let ([a, b], apex) = (side.ends.map(point), point(side.apex));
+        if [b - a, apex - a].into_iter().any(|way| way.z.abs() > IN_PLANE * way.length()) {
+            continue;
+        }
+        at.entry((side.terminal, side.ends[0])).or_default().push(b - a);
+        at.entry((side.terminal, side.ends[1])).or_default().push(a - b);
+    }
+    let part = |ways: Vec<DVec3>| match &ways[..] {
+        [a, b] => a.angle_between(*b) / TAU,
+        _ => 0.0,
+    };
+    at.into_iter().map(|(node, ways)| (node, part(ways))).collect()
 }
 
 /// Sides of triangles between nodes of one electrode that belong to one triangle only, but for those at which the mesh ends,

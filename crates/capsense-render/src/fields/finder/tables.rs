@@ -75,7 +75,8 @@ impl Tables {
             // Behind the electrodes comes ground.
             let electrode = usize::from(link.electrode);
             let holder = if electrode < electrodes { electrode as u32 } else { HELD_AT_ZERO };
-            words.extend([holder, (link.weight as f32).to_bits()]);
+            let of_nearer = link.covered / (1.0 - link.covered);
+            words.extend([holder, (link.weight as f32).to_bits(), (of_nearer as f32).to_bits()]);
         }
         let weights_at = words.len() as u32;
         for axis in 0..3 {
