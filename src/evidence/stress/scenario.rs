@@ -22,6 +22,9 @@ const PIXELS: usize = 128;
 /// Tetrahedra of the mesh whose changes are taken for true ones.
 const FINE_TETS: usize = 100_000;
 
+/// A gap in metres up to which an electrode and a bar are plates, their edges within a hundredth.
+const PLATES: f64 = 1e-4;
+
 /// The bar of the built-in scene.
 const BAR: DVec3 = DVec3::new(0.15, 0.15, 0.02);
 
@@ -93,20 +96,20 @@ impl Scenario {
         .map(|sensor| sensor.map(|sensor| if is_lattice { sensor } else { sensor.off_lattice() }))
     }
 
-    /// A mesh whose changes are taken for true ones, where it is the interface model that is stressed.
+    /// A mesh whose changes are taken for true ones, where it is the interface model that is stressed and the gap is not so narrow that
+    /// both sides are plates.
     pub(super) fn fine(&self) -> Option<Result<Sensor, SensorError>> {
         let (size, centre) = (self.sizes[0].z, self.centres[0].z);
         let faces = [centre - 0.5 * size, centre + 0.5 * size];
         let closest = match self.stress {
-            Stress::Gap(gap) => gap,
+            Stress::Gap(gap) if gap <= PLATES => return None,
+            // Links at rims know of conductors closer than a cell, but not of one a cell away, so no plane may be in the gap.
+            Stress::Gap(_) => return Some(meshes::fine(&[], 2e-3, FINE_TETS)),
             Stress::ThinConductor(_) | Stress::ThinDielectric(_) => size,
             Stress::Permittivity(_) | Stress::Floating(_) => 2e-3,
             _ => return None,
         };
-        // Half a gap away from the electrodes there is a plane, too.
-        let heights = [0.0, faces[0], faces[1]];
-        let heights = if matches!(self.stress, Stress::Gap(_)) { &heights[..] } else { &heights[1..] };
-        Some(meshes::fine(heights, closest.min(2e-3), FINE_TETS))
+        Some(meshes::fine(&faces, closest.min(2e-3), FINE_TETS))
     }
 
     /// The smallest tolerance that rounding leaves room for.
