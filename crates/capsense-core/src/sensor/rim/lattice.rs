@@ -24,6 +24,10 @@ const LOOK: f64 = 3.0;
 /// one and a half cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
 const SPREADING: f64 = 0.7;
 
+/// In cells that are higher than so many distances of rows, a conductor before the next node makes no plates yet: the link for a half-plane
+/// under a shield is lighter than without one there.
+const HIGHEST_OF_PLATES: f64 = 2.0;
+
 /// Nodes closer to the outline than this part of a cell lie on it.
 const ON_RIM: f64 = 1e-6;
 
@@ -67,7 +71,9 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 match link_of_far(&place, larger, height).unwrap_or_else(|| around.link(&place)) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
-                        let (inside, covered) = (place.distance <= 0.0, around.covered(&place));
+                        let is_flat = height <= HIGHEST_OF_PLATES * size.min_element();
+                        let covered = if is_flat { around.covered(&place) } else { 0.0 };
+                        let inside = place.distance <= 0.0;
                         rim.linked.push(Linked { node, weight, inside, covered })
                     }
                     Link::None => {}
