@@ -148,7 +148,7 @@ impl Scene<'_> {
         }
         let around = Around::edge(lattice, edge)?;
         let lines = self.side_by_side(edge, ends);
-        match self.dielectric_near(around.bounds()) {
+        match self.only_dielectric_near(around.bounds()) {
             Near::None => None,
             Near::One(object) if self.surfaces.are_exact() => {
                 self.along_alone((edge, lines), &around, object, on_edge)
@@ -325,9 +325,9 @@ impl Scene<'_> {
         (0..self.bounds.len()).filter(is_near)
     }
 
-    /// How many dielectrics may be in a box.
+    /// Whether one dielectric alone may be in a box, and which.
     #[inline]
-    fn dielectric_near(&self, bounds: Aabb) -> Near {
+    fn only_dielectric_near(&self, bounds: Aabb) -> Near {
         let mut near = Near::None;
         for (object, of_object) in self.bounds.iter().enumerate() {
             if of_object.intersects(&bounds) && !self.is_conductor(object) {

@@ -22,6 +22,9 @@ const LEAST_REACH: f64 = 1e-100;
 /// What is missing from a cross-section is the same all along a bar if it differs by less than this from end to end.
 const EVEN: f64 = 1e-6;
 
+/// So many groups of bars are looked at axis by axis: those of the quarters around an edge.
+const TOGETHER: usize = 4;
+
 /// Directions are along each other if they differ by no more than this.
 const ALONG: f64 = 1e-9;
 
@@ -32,7 +35,11 @@ impl Convex {
         match *self {
             Self::Box(half) => vectorised(
                 #[inline(always)]
-                || fill_in_box(half, within, bars, fill),
+                || {
+                    for (bars, fill) in bars.chunks(TOGETHER).zip(fill.chunks_mut(TOGETHER)) {
+                        fill_in_box(half, within, bars, fill);
+                    }
+                },
             ),
             _ => bars.iter().zip(fill).for_each(|(bars, fill)| *fill = self.fill_round(bars)),
         }
@@ -62,12 +69,12 @@ impl Convex {
     }
 }
 
-/// What of bars is in a box. Faces that the box around all bars is behind take nothing of any.
+/// What of bars is in a box, in no more than [`TOGETHER`] groups. Faces that the box around all bars is behind take nothing of any.
 #[inline(always)]
 fn fill_in_box(half: DVec3, [middle, reach]: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
     let is_behind = (middle.abs() + reach).cmple(half);
     fill.iter_mut().for_each(|fill| *fill = Fill::WHOLE);
-    let mut cuts = [0; BARS];
+    let mut cuts = [0; TOGETHER];
     if !is_behind.x {
         keep_between_all(fill, &mut cuts, bars, 0, half.x);
     }
@@ -86,7 +93,7 @@ fn fill_in_box(half: DVec3, [middle, reach]: [DVec3; 2], bars: &[Bars], fill: &m
 
 /// Keeps what is left between the faces across an axis of all bars, and counts of which these cut some.
 #[inline(always)]
-fn keep_between_all(fill: &mut [Fill], cuts: &mut [u8; BARS], bars: &[Bars], axis: usize, half: f64) {
+fn keep_between_all(fill: &mut [Fill], cuts: &mut [u8; TOGETHER], bars: &[Bars], axis: usize, half: f64) {
     for ((bars, fill), cuts) in bars.iter().zip(fill).zip(cuts) {
         match keep_between(fill, bars, axis, half) {
             Some(is_cut) => *cuts += u8::from(is_cut),

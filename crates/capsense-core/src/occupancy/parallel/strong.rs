@@ -41,6 +41,7 @@ impl PassedBy {
         Self { gap: length * self.gap, ..self }
     }
 
+    /// Whether nothing but lines counts.
     #[inline(always)]
     pub(super) fn are_lines_alone(self) -> bool {
         self.gap == 0.0 && self.part == 1.0

@@ -59,7 +59,8 @@ pub struct RimLink {
     pub weight: f64,
     /// Whether the node lies within the outline or on it.
     pub inside: bool,
-    /// The part of the node's cell in the plane of the electrode that this covers, below one; zero where that is not known.
+    /// The part of the node's cell in the plane of the electrode that this covers, below one. Zero where that is not known, and in cells so high
+    /// that a conductor before the next node makes no plates with the electrode.
     pub covered: f64,
 }
 
