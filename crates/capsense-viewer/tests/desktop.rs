@@ -30,12 +30,14 @@ impl Drop for Running {
 }
 
 /// A virtual display of the window's size, and its name. One starts at a time: two at once may take the same number, where a server
-/// that was killed had it.
+/// that was killed had it. It goes on without clients: a server that starts anew when the last one leaves, as `xdotool` does many times
+/// while the window opens, refuses connections meanwhile.
 fn display() -> (Running, String) {
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _alone = ONE_AT_A_TIME.lock();
     let mut xvfb = Command::new("Xvfb")
-        .args(["-displayfd", "1", "-screen", "0", &format!("{}x{}x24", SIZE[0], SIZE[1]), "-nolisten", "tcp"])
+        .args(["-displayfd", "1", "-screen", "0", &format!("{}x{}x24", SIZE[0], SIZE[1])])
+        .args(["-nolisten", "tcp", "-noreset"])
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
@@ -58,7 +60,7 @@ fn viewer(folder: &Path, display: &str) -> Command {
 struct Desktop {
     display: String,
     window: String,
-    _viewer: Running,
+    viewer: Running,
     _xvfb: Running,
 }
 
@@ -67,10 +69,12 @@ impl Desktop {
         let (xvfb, display) = display();
         let viewer = viewer(folder, &display).spawn().unwrap();
         let viewer = Running(viewer);
-        let mut desktop = Self { display, window: String::new(), _viewer: viewer, _xvfb: xvfb };
+        let mut desktop = Self { display, window: String::new(), viewer, _xvfb: xvfb };
         let begun = Instant::now();
         while desktop.window.is_empty() {
             assert!(begun.elapsed() < PATIENCE, "the window does not open");
+            let ended = desktop.viewer.0.try_wait().unwrap();
+            assert!(ended.is_none(), "the program ended before its window opened: {ended:?}");
             let found = desktop.xdotool(&["search", "--onlyvisible", "--name", "^CapSense$"]);
             desktop.window = found.lines().next().unwrap_or_default().to_owned();
             std::thread::sleep(Duration::from_millis(50));
