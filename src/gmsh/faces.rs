@@ -45,10 +45,10 @@ pub(super) fn groups(faces: &[Face]) -> impl Iterator<Item = &[Face]> {
 
 /// The faces that belong to exactly one tetrahedron, counter-clockwise as seen from outside the mesh.
 pub fn boundary_faces(mesh: &TetMesh) -> Vec<[u32; 3]> {
-    let faces = sorted(mesh.tets().iter().copied());
+    let faces = sorted(mesh.tets().iter());
     groups(&faces)
         .filter(|same| same.len() == 1)
-        .map(|same| OUTWARD[usize::from(same[0].side)].map(|corner| mesh.tets()[same[0].tet][corner]))
+        .map(|same| OUTWARD[usize::from(same[0].side)].map(|corner| mesh.tets().at(same[0].tet)[corner]))
         .collect()
 }
 

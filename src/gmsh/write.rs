@@ -141,7 +141,7 @@ fn volume_entities(mesh: &TetMesh, volumes: &[VolumeGroup<'_>], offset: usize) -
             }
         }
     }
-    by_groups(mesh.tets().iter().copied().zip(groups_of))
+    by_groups(mesh.tets().iter().zip(groups_of))
 }
 
 fn by_groups<const N: usize>(elements: impl Iterator<Item = ([u32; N], Vec<usize>)>) -> Vec<Entity<N>> {

@@ -10,7 +10,7 @@ use glam::DVec3;
 fn assert_cube(file: &GmshFile) {
     let mesh = file.to_tet_mesh(LengthUnit::Millimetre).unwrap();
     assert_eq!(mesh.nodes(), NODES.map(|node| DVec3::from(node) * 1e-3));
-    assert_eq!(mesh.tets(), TETS.map(|tet| tet.map(|node| node as u32 - 1)));
+    assert_eq!(mesh.tets().to_vec(), TETS.map(|tet| tet.map(|node| node as u32 - 1)));
     assert!((mesh.volume() - 1e-9).abs() < 1e-20);
     assert_eq!(file.tets.iter().map(|tet| tet.tag).collect::<Vec<_>>(), [101, 102, 103, 104, 105, 106]);
     assert_eq!(file.triangles.iter().map(|triangle| triangle.tag).collect::<Vec<_>>(), [3, 4, 5]);

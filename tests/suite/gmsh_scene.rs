@@ -53,7 +53,7 @@ fn an_electrode_may_be_a_volume_or_its_surface() {
         let centroid = mesh.centroid(tet as usize);
         centroid.truncate().abs().max_element() < 0.05 && (0.0..0.05).contains(&centroid.z)
     });
-    let mut nodes: Vec<u32> = block.iter().flat_map(|&tet| mesh.tets()[tet as usize]).collect();
+    let mut nodes: Vec<u32> = block.iter().flat_map(|&tet| mesh.tets().at(tet as usize)).collect();
     nodes.sort_unstable();
     nodes.dedup();
     let (wall, surface) = (gmsh::boundary_faces(&mesh), gmsh::faces_among(&mesh, &nodes));

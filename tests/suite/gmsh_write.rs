@@ -54,7 +54,7 @@ fn what_is_written_is_read_back() {
             .collect();
         found.sort();
         let mut expected: Vec<Vec<u32>> =
-            volume.tets.iter().map(|&tet| mesh.tets()[tet as usize].to_vec()).collect();
+            volume.tets.iter().map(|&tet| mesh.tets().at(tet as usize).to_vec()).collect();
         expected.sort();
         assert_eq!(found, expected, "{}", volume.name);
     }

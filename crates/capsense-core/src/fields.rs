@@ -160,7 +160,7 @@ impl Fields {
                 let moved =
                     [0, 1].map(|end| if holders[end] == FREE { now[end] } else { held(holders[end]) });
                 before.push(see(&replaced, now));
-                after.push(see(&occupancy.couplings()[edge as usize], moved));
+                after.push(see(occupancy.coupling(edge as usize), moved));
             }
             let free = holders.map(|holder| holder == FREE);
             self.solver.bracket_mut().change(weight, &before, &after, free);
@@ -208,7 +208,7 @@ impl Fields {
         }
         self.linked.fill(false);
         for &edge in occupancy.linked_edges() {
-            for (_, object, _) in occupancy.couplings()[edge as usize].links() {
+            for (_, object, _) in occupancy.coupling(edge as usize).links() {
                 self.linked[usize::from(object)] = true;
             }
         }

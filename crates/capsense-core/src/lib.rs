@@ -12,6 +12,7 @@ pub mod batch;
 pub mod capacitance;
 pub mod electrode;
 pub mod estimate;
+mod few;
 mod fields;
 pub mod geometry;
 mod instructions;

@@ -406,7 +406,7 @@ fn terminals_of_parts(mesh: &TetMesh, terminals: &[Terminal]) -> Vec<(u32, Optio
         }
         node
     }
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         let first = root(&mut parent, tet[0]);
         for &node in &tet[1..] {
             let other = root(&mut parent, node);

@@ -119,8 +119,8 @@ pub(super) fn with_slivers(degrees: f64) -> Result<Sensor, SensorError> {
     }
     let mut is_touched = vec![false; nodes.len()];
     for [node, face @ ..] in tets.iter().step_by(7) {
-        let at = *node as usize;
-        let near = || around[at].iter().flat_map(|&element| tets[element]);
+        let at = node as usize;
+        let near = || around[at].iter().flat_map(|&element| tets.at(element));
         if sensor.owners()[at] != FREE || near().any(|node| is_touched[node as usize]) {
             continue;
         }
@@ -137,7 +137,7 @@ pub(super) fn with_slivers(degrees: f64) -> Result<Sensor, SensorError> {
         // Others beside it may lie in the same plane; none may be inverted by more than rounding.
         let least = 0.1 * (nodes[at] - middle).dot(normal).abs() - 1e-12 * inradius;
         let is_good =
-            |element: &usize| smallest_height(tets[*element].map(|node| nodes[node as usize])) > least;
+            |element: &usize| smallest_height(tets.at(*element).map(|node| nodes[node as usize])) > least;
         if around[at].iter().all(is_good) {
             near().for_each(|node| is_touched[node as usize] = true);
         } else {
@@ -167,7 +167,7 @@ pub(super) fn in_parts(parts: Parts) -> Result<Sensor, SensorError> {
     let count = one.mesh().nodes().len() as u32;
     let nodes = one.mesh().nodes().iter().copied().chain(one.mesh().nodes().iter().map(|node| node + BESIDE));
     let tets = one.mesh().tets().iter();
-    let tets = tets.clone().copied().chain(tets.map(|tet| tet.map(|node| node + count)));
+    let tets = tets.clone().chain(tets.map(|tet| tet.map(|node| node + count)));
     let in_second = |nodes: Vec<u32>| nodes.into_iter().map(|node| node + count).collect::<Vec<_>>();
     let mut ground = nodes_of(&one, GROUND);
     if parts == Parts::Grounded {

@@ -97,7 +97,7 @@ pub fn gmsh_2_2(mesh: &TetMesh, surfaces: &[Surface<'_>]) -> String {
     for surface in surfaces {
         writeln!(names, "2 {} \"{}\"", surface.number, surface.name).unwrap();
         let mut written = std::collections::HashSet::new();
-        for tet in mesh.tets() {
+        for tet in mesh.tets().iter() {
             for face in [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]].map(|face| face.map(|k: usize| tet[k])) {
                 let corners = face.map(|node| mesh.nodes()[node as usize]);
                 let mut key = face;
@@ -110,7 +110,7 @@ pub fn gmsh_2_2(mesh: &TetMesh, surfaces: &[Surface<'_>]) -> String {
             }
         }
     }
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         count += 1;
         let [a, b, c, d] = tet.map(|node| node + 1);
         writeln!(elements, "{count} 4 2 99 99 {a} {b} {c} {d}").unwrap();

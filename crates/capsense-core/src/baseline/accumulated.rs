@@ -53,7 +53,7 @@ impl<T: Precision> AccumulatedStiffness<T> {
     /// Assembles a mesh from its elements' permittivities.
     pub fn new(mesh: &TetMesh) -> Self {
         let nodes = mesh.nodes().len();
-        let pairs = |tet: &[u32; 4]| tet.map(|row| tet.map(|column| (row, column)));
+        let pairs = |tet: [u32; 4]| tet.map(|row| tet.map(|column| (row, column)));
         let mut pattern: Vec<(u32, u32)> = mesh.tets().iter().flat_map(pairs).flatten().collect();
         pattern.sort_unstable();
         pattern.dedup();

@@ -55,7 +55,7 @@ impl HalvedMesh {
             return Err(MeshError::TooManyElements(count));
         }
         let mut tets = Vec::with_capacity(count);
-        for tet in mesh.tets() {
+        for tet in mesh.tets().iter() {
             tets.extend(parts(
                 tet,
                 EDGES.map(|edge| middles.between(edge.map(|corner| tet[corner]))),
@@ -76,7 +76,9 @@ impl HalvedMesh {
             is_given[node as usize] = true;
         }
         // The first four parts of an element are at its corners, in their order.
-        let elements = self.mesh.tets().chunks_exact(PARTS).map(|parts| [0, 1, 2, 3].map(|k| parts[k][k]));
+        let tets = self.mesh.tets();
+        let elements =
+            (0..tets.len()).step_by(PARTS).map(|first| [0, 1, 2, 3].map(|k| tets.at(first + k)[k]));
         let on: Vec<[u32; 4]> = elements
             .filter(|tet| tet.iter().filter(|corner| is_given[**corner as usize]).count() >= 3)
             .collect();
@@ -132,7 +134,7 @@ fn ordered([a, b]: [u32; 2]) -> [u32; 2] {
 }
 
 /// What a tetrahedron with these nodes in the middles of its edges is cut into; the part at each corner has it in its place.
-fn parts(tet: &[u32; 4], middles: [u32; 6], nodes: &[DVec3]) -> [[u32; 4]; PARTS] {
+fn parts(tet: [u32; 4], middles: [u32; 6], nodes: &[DVec3]) -> [[u32; 4]; PARTS] {
     let place = |node: u32| nodes[node as usize];
     let length = |[a, b]: [usize; 2]| place(middles[a]).distance_squared(place(middles[b]));
     let mut shortest = DIAGONALS[0];
@@ -202,7 +204,7 @@ mod tests {
         of_lattice.sort_unstable();
         assert_eq!(nodes, of_lattice);
         let mut faces = std::collections::BTreeMap::new();
-        for tet in halved.mesh().tets() {
+        for tet in halved.mesh().tets().iter() {
             for left_out in 0..4 {
                 let mut face: Vec<u32> = (0..4).filter(|k| *k != left_out).map(|k| tet[k]).collect();
                 face.sort_unstable();

@@ -3,7 +3,7 @@
 //! Linear elements on it are exactly a 7-point network: along each of a Kuhn tetrahedron's three orthogonal steps
 //! there is a weight, along its diagonals there is none.
 
-use super::{MeshError, TetMesh};
+use super::{MeshError, TetMesh, Tets};
 use crate::geometry::Aabb;
 use glam::DVec3;
 
@@ -95,16 +95,7 @@ impl Lattice {
     /// # Errors
     /// When there are more nodes than 32-bit indices can name.
     pub fn to_tet_mesh(&self) -> Result<TetMesh, MeshError> {
-        let [nx, ny, nz] = self.node_counts();
-        let mut tets = Vec::with_capacity(self.tet_count());
-        for k in 0..nz - 1 {
-            for j in 0..ny - 1 {
-                for i in 0..nx - 1 {
-                    tets.extend(KUHN_PATHS.map(|path| self.kuhn_tet([i, j, k], path)));
-                }
-            }
-        }
-        TetMesh::new(self.nodes(), tets)
+        TetMesh::checked(self.nodes(), Tets::of_lattice(self))
     }
 
     /// Positions of all nodes, in metres.
@@ -126,7 +117,7 @@ impl Lattice {
     }
 
     /// The tetrahedron of a path, with positive orientation.
-    fn kuhn_tet(&self, cell: [usize; 3], path: [usize; 3]) -> [u32; 4] {
+    pub(super) fn kuhn_tet(&self, cell: [usize; 3], path: [usize; 3]) -> [u32; 4] {
         let mut tet = self.kuhn_path(cell, path);
         let odd = path == [0, 2, 1] || path == [1, 0, 2] || path == [2, 1, 0];
         if odd {

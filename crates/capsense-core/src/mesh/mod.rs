@@ -8,6 +8,7 @@ mod gradients;
 mod lattice;
 mod numbering;
 mod quality;
+mod tets;
 
 pub use background::Background;
 pub use bisection::{Bisection, Refinement, largest_first};
@@ -17,6 +18,7 @@ pub(crate) use lattice::{Along, spaced_axis};
 pub use lattice::{InvalidAxis, Lattice, graded_axis};
 pub use numbering::places;
 pub use quality::MeshQuality;
+pub use tets::Tets;
 
 pub(crate) use bins::Bins;
 pub(crate) use edges::{Planes, for_lattice_edges};
@@ -86,7 +88,7 @@ const FLAT: f64 = 1e-14;
 #[derive(Clone, Debug, PartialEq)]
 pub struct TetMesh {
     nodes: Vec<DVec3>,
-    tets: Vec<[u32; 4]>,
+    tets: Tets,
     relative_permittivity: Background,
 }
 
@@ -96,7 +98,11 @@ impl TetMesh {
     /// # Errors
     /// For an empty mesh, nodes that are not finite or in no element, and elements that name missing nodes, are
     /// inverted or have no volume.
-    pub fn new(mut nodes: Vec<DVec3>, mut tets: Vec<[u32; 4]>) -> Result<Self, MeshError> {
+    pub fn new(nodes: Vec<DVec3>, tets: Vec<[u32; 4]>) -> Result<Self, MeshError> {
+        Self::checked(nodes, Tets::listed(tets))
+    }
+
+    fn checked(mut nodes: Vec<DVec3>, tets: Tets) -> Result<Self, MeshError> {
         if tets.is_empty() {
             return Err(MeshError::Empty);
         }
@@ -108,7 +114,7 @@ impl TetMesh {
         }
         let mut used = vec![false; nodes.len()];
         for (element, tet) in tets.iter().enumerate() {
-            for &node in tet {
+            for node in tet {
                 *used.get_mut(node as usize).ok_or(MeshError::NodeOutOfRange {
                     element,
                     node,
@@ -121,7 +127,6 @@ impl TetMesh {
             return Err(MeshError::OrphanNode(orphan));
         }
         nodes.shrink_to_fit();
-        tets.shrink_to_fit();
         let relative_permittivity = Background::vacuum(tets.len());
         Ok(Self { nodes, tets, relative_permittivity })
     }
@@ -146,7 +151,7 @@ impl TetMesh {
     }
 
     /// The four nodes of each element.
-    pub fn tets(&self) -> &[[u32; 4]] {
+    pub fn tets(&self) -> &Tets {
         &self.tets
     }
 
@@ -157,7 +162,7 @@ impl TetMesh {
 
     /// Corner positions of one element.
     pub fn corners(&self, element: usize) -> [DVec3; 4] {
-        self.tets[element].map(|node| self.nodes[node as usize])
+        self.tets.at(element).map(|node| self.nodes[node as usize])
     }
 
     /// Centre of gravity of one element.

@@ -1,7 +1,7 @@
 //! The order of nodes and elements in memory: what is close in space should be close there, so that what a frame touches
 //! lies in few cache lines.
 
-use super::{Background, TetMesh};
+use super::{Background, TetMesh, Tets};
 use glam::DVec3;
 
 /// Cells along each side of the cube that is sorted: 2 to the power of this.
@@ -27,14 +27,14 @@ impl TetMesh {
     #[must_use]
     pub fn renumbered(&self, order: &[u32]) -> Self {
         let place = places(order);
-        let renumbered = |tet: &[u32; 4]| tet.map(|node| place[node as usize]);
-        let first = |tet: &[u32; 4]| renumbered(tet).into_iter().min().unwrap_or(0);
+        let renumbered = |tet: [u32; 4]| tet.map(|node| place[node as usize]);
+        let first = |tet: [u32; 4]| renumbered(tet).into_iter().min().unwrap_or(0);
         let mut elements: Vec<(u32, u32)> = self.tets.iter().map(first).zip(0..).collect();
         elements.sort_unstable();
         let elements = || elements.iter().map(|&(_, element)| element as usize);
         Self {
             nodes: order.iter().map(|&node| self.nodes[node as usize]).collect(),
-            tets: elements().map(|element| renumbered(&self.tets[element])).collect(),
+            tets: Tets::listed(elements().map(|element| renumbered(self.tets.at(element))).collect()),
             relative_permittivity: Background::new(
                 elements().map(|element| self.relative_permittivity.at(element)).collect(),
             ),

@@ -85,7 +85,7 @@ impl<T: Copy + Default> Lists<T> {
 impl Tables {
     fn new(mesh: &TetMesh, edges: &Edges) -> Self {
         let tets = mesh.tets();
-        let of_elements: Vec<[u32; 6]> = tets.iter().map(|tet| edges_of(*tet, edges)).collect();
+        let of_elements: Vec<[u32; 6]> = tets.iter().map(|tet| edges_of(tet, edges)).collect();
         let shares = of_elements.iter().enumerate().flat_map(|(element, of_element)| {
             let shares = EdgeShare::of_element(mesh.corners(element)).zip(of_element);
             let existing = shares.filter(|(_, edge)| **edge != NO_EDGE);
@@ -335,10 +335,9 @@ impl Occupancy {
             return;
         }
         let coupling = Coupling::only_through(elements.through(edge));
-        let before = std::mem::replace(&mut self.couplings[edge], coupling);
         let moved = |node: u32| self.scratch.node_changed[node as usize];
-        if !coupling.is(&before) || edges.ends_of_existing(edge).into_iter().any(moved) {
-            self.replaced.couplings.push((edge as u32, before));
+        if !coupling.is(self.couplings.get(edge)) || edges.ends_of_existing(edge).into_iter().any(moved) {
+            self.replaced.couplings.push((edge as u32, coupling));
         }
     }
 }

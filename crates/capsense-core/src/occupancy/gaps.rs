@@ -8,6 +8,7 @@ use super::coupling::{Coupling, EdgeRule};
 use super::scene::Scene;
 use super::{NO_OBJECT, Span};
 use crate::capacitance::own_potential;
+use crate::few::Few;
 use crate::material::Material;
 
 /// A capacitor between two conducting objects.
@@ -40,7 +41,7 @@ impl Gaps {
         &mut self,
         scene: &Scene<'_>,
         holders: &[u16],
-        couplings: &[Coupling],
+        couplings: &Few<Coupling>,
         linked: &[u32],
     ) {
         self.found.clear();
@@ -50,7 +51,7 @@ impl Gaps {
         for &edge in linked {
             let ends = scene.mesh.edges.ends_of_existing(edge as usize);
             let owners = ends.map(|node| holders[node as usize]);
-            if couplings[edge as usize].meets_two(owners) {
+            if couplings.get(edge as usize).meets_two(owners) {
                 scene.find_spans(ends, &mut self.spans);
                 self.add(edge, owners, scene);
             }

@@ -42,6 +42,7 @@ pub(crate) use near_field::{either, larger, smaller, span_in_box};
 pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 
+use crate::few::Few;
 use crate::material::Material;
 use crate::mesh::{Background, Edges, TetMesh};
 use crate::sensor::Terminal;
@@ -96,7 +97,8 @@ pub struct Contact {
 #[derive(Clone, Debug)]
 pub struct Occupancy {
     conductor: Vec<u16>,
-    couplings: Vec<Coupling>,
+    /// Most edges are plain.
+    couplings: Few<Coupling>,
     linked_edges: SortedList<u32>,
     changed_edges: Vec<u32>,
     /// What is replaced of these, in the same order.
@@ -139,8 +141,6 @@ struct Scratch {
     around: IndexSet,
     /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
     is_met: Vec<bool>,
-    /// Whether no object touches an edge.
-    is_plain: Vec<bool>,
     /// The frame in which each edge was last looked at.
     edge_seen: Vec<u8>,
     frame: u8,
@@ -168,7 +168,7 @@ impl Occupancy {
     pub fn empty(nodes: usize, edges: usize) -> Self {
         Self {
             conductor: vec![NO_OBJECT; nodes],
-            couplings: vec![Coupling::PLAIN; edges],
+            couplings: Few::of(edges, Coupling::PLAIN),
             linked_edges: SortedList::new(),
             changed_edges: Vec::new(),
             replaced: Replaced::default(),
@@ -183,7 +183,6 @@ impl Occupancy {
                 edges: EdgesNear::below(edges),
                 around: IndexSet::below(edges),
                 is_met: vec![false; edges],
-                is_plain: vec![true; edges],
                 edge_seen: vec![0; edges],
                 frame: 0,
                 dependence: Dependence::default(),
@@ -304,13 +303,14 @@ impl Occupancy {
             self.wedges = wedges;
         }
         self.update_unstructured(workers, &scene, changes.around_edges());
+        self.replaced.exchange(&mut self.couplings);
         self.replaced.couplings.sort_unstable_by_key(|(edge, _)| *edge);
         self.changed_edges.extend(self.replaced.couplings.iter().map(|(edge, _)| *edge));
         self.changed_nodes.sort_unstable();
         self.replaced.linked.drain(..).for_each(|edge| self.linked_edges.add(edge));
         if self.replaced.links_lost || self.linked_edges.grows() {
             let couplings = &self.couplings;
-            self.linked_edges.merge(|&edge| couplings[edge as usize].is_linked());
+            self.linked_edges.merge(|&edge| couplings.get(edge as usize).is_linked());
         }
         self.gaps.find(&scene, &self.conductor, &self.couplings, self.linked_edges.items());
         (self.changes, self.cells) = (changes, cells);
@@ -352,12 +352,12 @@ impl Occupancy {
     ) {
         let mut edges = std::mem::take(&mut self.scratch.edges);
         let mut around = std::mem::take(&mut self.scratch.around);
-        wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.scratch.is_plain, &mut around);
+        wedges.add_changed_edges(scene.mesh.edges, &self.conductor, &self.couplings, &mut around);
         let mut walls = std::mem::take(&mut self.camera_walls);
         if dependence.on_rays {
             let (marked, couplings) = (edges.marked(), &self.couplings);
             // Of edges along the rays, only those through a face have taps beside them.
-            let may_differ = |edge| edge % 3 != camera_wall::RAYS || couplings[edge] != Coupling::PLAIN;
+            let may_differ = |edge| edge % 3 != camera_wall::RAYS || couplings.has_own(edge);
             let matters = |edge| !marked.contains(edge) && may_differ(edge);
             walls.finish(workers, scene, matters, |edge| around.insert(edge));
         }
@@ -383,12 +383,11 @@ impl Occupancy {
 
     /// What is known of all edges, and what was replaced.
     fn known(&mut self) -> (KnownEdges<'_>, &mut Replaced) {
-        let Scratch { is_met, is_plain, edge_seen, node_changed, frame, .. } = &mut self.scratch;
+        let Scratch { is_met, edge_seen, node_changed, frame, .. } = &mut self.scratch;
         let known = KnownEdges {
             first: 0,
-            couplings: &mut self.couplings,
+            couplings: &self.couplings,
             is_met,
-            is_plain,
             seen: edge_seen,
             moved: (!self.changed_nodes.is_empty()).then_some(node_changed),
             frame: *frame,
@@ -415,9 +414,19 @@ impl Occupancy {
         &self.conductor
     }
 
+    /// What is left of an edge.
+    pub fn coupling(&self, edge: usize) -> &Coupling {
+        self.couplings.get(edge)
+    }
+
     /// What is left of each edge.
-    pub fn couplings(&self) -> &[Coupling] {
-        &self.couplings
+    pub fn couplings(&self) -> impl ExactSizeIterator<Item = &Coupling> {
+        (0..self.couplings.len()).map(|edge| self.couplings.get(edge))
+    }
+
+    /// Edges that are not plain, in increasing order.
+    pub(crate) fn coupled_edges(&self) -> impl Iterator<Item = (usize, &Coupling)> {
+        self.couplings.all_own()
     }
 
     /// Whether objects scale weights of any sign, rather than those of capacitors alone.
@@ -439,7 +448,7 @@ impl Occupancy {
             (None, Some(unstructured)) => unstructured.contrast(edge),
             _ => None,
         };
-        told.unwrap_or(self.couplings[edge].through)
+        told.unwrap_or(self.coupling(edge).through)
     }
 
     /// The edges of which links are left, in increasing order.

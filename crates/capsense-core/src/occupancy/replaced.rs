@@ -1,16 +1,16 @@
 //! What is known of edges, and what a frame replaces of it, by threads that share the edges if need be.
 
 use super::coupling::Coupling;
+use crate::few::Few;
 
 /// What is known of successive edges.
 pub(super) struct KnownEdges<'a> {
     /// The first of these edges.
     pub(super) first: usize,
-    pub(super) couplings: &'a mut [Coupling],
+    /// Those of all edges of the mesh, before this frame.
+    pub(super) couplings: &'a Few<Coupling>,
     /// Whether an object meets an edge, or more than what is on it tells what it is without what is around it.
     pub(super) is_met: &'a mut [bool],
-    /// Whether no object touches an edge.
-    pub(super) is_plain: &'a mut [bool],
     /// The frame in which each edge was last looked at.
     pub(super) seen: &'a mut [u8],
     /// Whether a conductor took or left each node of the mesh in this frame, if one did.
@@ -22,7 +22,8 @@ pub(super) struct KnownEdges<'a> {
 /// What a frame replaced.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Replaced {
-    /// Edges that are not what they were, or at whose end a node moved, with their couplings before.
+    /// Edges that are not what they were, or at whose end a node moved, with what is left of them now; once all are known, with their
+    /// couplings before.
     pub(super) couplings: Vec<(u32, Coupling)>,
     /// Edges that have links and had none.
     pub(super) linked: Vec<u32>,
@@ -36,14 +37,13 @@ impl<'a> KnownEdges<'a> {
         fn take<'a, T>(from: &mut &'a mut [T], count: usize) -> &'a mut [T] {
             from.split_off_mut(..count).unwrap_or_default()
         }
-        let (first, moved, frame) = (self.first, self.moved, self.frame);
-        let count = (end - first).min(self.couplings.len());
+        let Self { first, couplings, moved, frame, .. } = *self;
+        let count = (end - first).min(self.seen.len());
         self.first += count;
         KnownEdges {
             first,
-            couplings: take(&mut self.couplings, count),
+            couplings,
             is_met: take(&mut self.is_met, count),
-            is_plain: take(&mut self.is_plain, count),
             seen: take(&mut self.seen, count),
             moved,
             frame,
@@ -71,22 +71,15 @@ impl<'a> KnownEdges<'a> {
 
     /// Couples an edge.
     #[inline]
-    pub(super) fn couple(
-        &mut self,
-        edge: usize,
-        ends: [u32; 2],
-        coupling: Coupling,
-        replaced: &mut Replaced,
-    ) {
-        if coupling.is(&self.couplings[edge - self.first]) {
+    pub(super) fn couple(&self, edge: usize, ends: [u32; 2], coupling: Coupling, replaced: &mut Replaced) {
+        let before = self.couplings.get(edge);
+        if coupling.is(before) {
             if self.is_moved(ends) {
                 replaced.couplings.push((edge as u32, coupling));
             }
             return;
         }
-        let before = std::mem::replace(&mut self.couplings[edge - self.first], coupling);
-        replaced.couplings.push((edge as u32, before));
-        self.is_plain[edge - self.first] = coupling.is(&Coupling::PLAIN);
+        replaced.couplings.push((edge as u32, coupling));
         match (before.is_linked(), coupling.is_linked()) {
             (false, true) => replaced.linked.push(edge as u32),
             (true, false) => replaced.links_lost = true,
@@ -101,6 +94,14 @@ impl Replaced {
         self.couplings.clear();
         self.linked.clear();
         self.links_lost = false;
+    }
+
+    /// Couples the edges, of which it keeps what they were.
+    pub(super) fn exchange(&mut self, couplings: &mut Few<Coupling>) {
+        for (edge, coupling) in &mut self.couplings {
+            let own = (!coupling.is(&Coupling::PLAIN)).then_some(*coupling);
+            *coupling = couplings.set(*edge as usize, own).unwrap_or(Coupling::PLAIN);
+        }
     }
 
     /// Takes over what was replaced elsewhere, of edges that come after those here.

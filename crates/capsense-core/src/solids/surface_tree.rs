@@ -88,6 +88,7 @@ impl SurfaceTree {
                 Task::Close(node) => tree.nodes[node].exit = tree.nodes.len() as u32,
             }
         }
+        tree.nodes.shrink_to_fit();
         tree
     }
 

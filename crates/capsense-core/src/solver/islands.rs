@@ -220,7 +220,7 @@ impl Islands {
                 let other = network.edges().ends_of_existing(edge)[1 - end];
                 if root(parent, other) != nodes[0] {
                     let is_scaled = base > 0.0 || occupancy.scales_negative_weights();
-                    let weight = if is_scaled { base * occupancy.couplings()[edge].through } else { base };
+                    let weight = if is_scaled { base * occupancy.coupling(edge).through } else { base };
                     outward.push(Outward { to: Some(other), weight });
                 }
             });

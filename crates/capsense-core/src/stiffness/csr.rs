@@ -48,10 +48,15 @@ impl CsrValues {
         -self.matrix.values()[self.slots[edge][0] as usize]
     }
 
-    pub(super) fn set_weight(&mut self, edge: usize, weight: f64) {
+    /// Returns whether an edge has another weight than before.
+    pub(super) fn set_weight(&mut self, edge: usize, weight: f64) -> bool {
+        if self.weight(edge).to_bits() == weight.to_bits() {
+            return false;
+        }
         for slot in self.slots[edge] {
             self.matrix.values_mut()[slot as usize] = -weight;
         }
+        true
     }
 
     /// The diagonal becomes minus the sum of the row's other entries, plus `more`.

@@ -63,7 +63,7 @@ impl StiffnessMatrix {
     pub fn new(network: EdgeNetwork, nodes: usize) -> Self {
         match network.edges() {
             Edges::Lattice(lattice) => {
-                let values = LatticeValues::new(lattice, network.weights());
+                let values = LatticeValues::new(lattice, network.weights().len());
                 Self::with_values(network, nodes, Values::Lattice(values))
             }
             Edges::List(_) => Self::in_rows(network, nodes),
@@ -105,21 +105,20 @@ impl StiffnessMatrix {
     pub fn update(&mut self, occupancy: &Occupancy) {
         self.changed_rows.clear();
         self.rim.start_update();
-        let couplings = occupancy.couplings();
         for &(edge, before) in occupancy.replaced_couplings() {
             let edge = edge as usize;
             let base = self.network.weights()[edge];
             // For the edge rule negative weights are no capacitors; they are left as they are.
             if base > 0.0 || occupancy.scales_negative_weights() {
                 let ends = self.network.edges().ends_of_existing(edge);
-                self.set_weight(edge, ends, base * couplings[edge].through);
-                let now = couplings[edge];
+                let now = occupancy.coupling(edge);
+                self.scale(edge, ends, now.through);
                 for (end, node) in ends.into_iter().enumerate() {
                     if now.factor[end] != 0.0 || self.link_sums[node as usize] != 0.0 {
                         self.relinked.insert(node as usize);
                     }
                     // A link may lead to another object and weigh the same, and several may weigh the same together.
-                    let [was, is] = [before, now].map(|of| (of.object[end], of.factor[end].to_bits()));
+                    let [was, is] = [&before, now].map(|of| (of.object[end], of.factor[end].to_bits()));
                     if was != is {
                         self.changed_rows.insert(node as usize);
                     }
@@ -133,31 +132,35 @@ impl StiffnessMatrix {
         self.refresh_diagonal();
     }
 
-    fn set_weight(&mut self, edge: usize, ends: [u32; 2], weight: f64) {
-        let before = match &self.values {
-            Values::Lattice(values) => values.weight(edge / 3, edge % 3),
-            Values::Csr(values) => values.weight(edge),
+    /// Multiplies the weight that an edge has in the network.
+    fn scale(&mut self, edge: usize, ends: [u32; 2], factor: f64) {
+        let network = self.network.weights();
+        let is_changed = match &mut self.values {
+            Values::Lattice(values) => values.scale(network, edge, factor),
+            Values::Csr(values) => values.set_weight(edge, network[edge] * factor),
         };
-        if before.to_bits() == weight.to_bits() {
-            return;
+        if is_changed {
+            ends.into_iter().for_each(|node| self.changed_rows.insert(node as usize));
         }
-        match &mut self.values {
-            Values::Lattice(values) => values.set_weight(edge, weight),
-            Values::Csr(values) => values.set_weight(edge, weight),
+    }
+
+    /// The weight of an edge now.
+    fn weight(&self, edge: usize) -> f64 {
+        match &self.values {
+            Values::Lattice(values) => values.weight(self.network.weights(), edge),
+            Values::Csr(values) => values.weight(edge),
         }
-        ends.into_iter().for_each(|node| self.changed_rows.insert(node as usize));
     }
 
     /// Sums up the links at nodes anew, always in the same order.
     fn sum_links(&mut self, occupancy: &Occupancy) {
         let (edges, weights) = (self.network.edges(), self.network.weights());
-        let couplings = occupancy.couplings();
         let scales_negative = occupancy.scales_negative_weights();
         for &node in self.relinked.numbers() {
             let mut sum = self.rim.update(node, &self.network, occupancy);
             edges.for_edges_at(node as usize, |edge, end| {
                 if weights[edge] > 0.0 || scales_negative {
-                    sum += weights[edge] * couplings[edge].factor[end];
+                    sum += weights[edge] * occupancy.coupling(edge).factor[end];
                 }
             });
             if f64::to_bits(sum) != self.link_sums[node as usize].to_bits() {
@@ -176,7 +179,7 @@ impl StiffnessMatrix {
             let base = self.network.weights()[edge as usize];
             if base > 0.0 || occupancy.scales_negative_weights() {
                 let ends = self.network.edges().ends_of_existing(edge as usize);
-                for (end, object, factor) in occupancy.couplings()[edge as usize].links() {
+                for (end, object, factor) in occupancy.coupling(edge as usize).links() {
                     let body_row = first_object as u32 + u32::from(object);
                     self.links.push(WeightedLink { node: ends[end], body_row, weight: base * factor });
                 }
@@ -215,9 +218,9 @@ impl StiffnessMatrix {
     pub fn to_csr(&self) -> CsrMatrix<f64> {
         match &self.values {
             Values::Csr(values) => values.matrix().clone(),
-            Values::Lattice(values) => {
+            Values::Lattice(_) => {
                 let edges = self.network.edges();
-                let weights: Vec<f64> = (0..edges.len()).map(|e| values.weight(e / 3, e % 3)).collect();
+                let weights: Vec<f64> = (0..edges.len()).map(|edge| self.weight(edge)).collect();
                 let mut csr = CsrValues::new(edges, &weights, self.nodes);
                 (0..self.nodes).for_each(|row| csr.refresh_diagonal(row, self.link_sums[row]));
                 csr.matrix().clone()
@@ -228,7 +231,7 @@ impl StiffnessMatrix {
     /// The diagonal entry of a node's row.
     pub fn diagonal(&self, node: usize) -> f64 {
         match &self.values {
-            Values::Lattice(values) => values.diagonal(node) + self.link_sums[node],
+            Values::Lattice(values) => values.diagonal(self.network.weights(), node) + self.link_sums[node],
             Values::Csr(values) => values.diagonal(node),
         }
     }
@@ -236,7 +239,7 @@ impl StiffnessMatrix {
     /// The weight from a node of a lattice to the next one along an axis; zero on other meshes.
     pub(crate) fn lattice_weight(&self, node: usize, axis: usize) -> f64 {
         match &self.values {
-            Values::Lattice(values) => values.weight(node, axis),
+            Values::Lattice(values) => values.weight(self.network.weights(), 3 * node + axis),
             Values::Csr(_) => 0.0,
         }
     }
@@ -244,7 +247,7 @@ impl StiffnessMatrix {
     /// The neighbours of a node and the weights to them, in an order that never changes.
     pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
         let (of_lattice, of_csr) = match &self.values {
-            Values::Lattice(values) => (Some(values.row(node)), None),
+            Values::Lattice(values) => (Some(values.row(self.network.weights(), node)), None),
             Values::Csr(values) => (None, Some(values.row(node))),
         };
         of_lattice.into_iter().flatten().chain(of_csr.into_iter().flatten())
@@ -274,11 +277,7 @@ impl StiffnessMatrix {
     pub(crate) fn for_each_weight(&self, mut visit: impl FnMut([usize; 2], f64)) {
         for edge in 0..self.network.edges().len() {
             if let Some([a, b]) = self.network.edges().ends(edge) {
-                let weight = match &self.values {
-                    Values::Lattice(values) => values.weight(edge / 3, edge % 3),
-                    Values::Csr(values) => values.weight(edge),
-                };
-                visit([a as usize, b as usize], weight);
+                visit([a as usize, b as usize], self.weight(edge));
             }
         }
         for link in &self.links {
@@ -300,7 +299,7 @@ impl StiffnessMatrix {
     /// y = K x, all columns at once, and the columns' energies xᵀKx.
     pub fn apply<T: Copy + Into<f64>>(&self, x: &[[T; LANES]], y: &mut [Lane]) -> Lane {
         let mut energy = match &self.values {
-            Values::Lattice(values) => values.apply(x, y),
+            Values::Lattice(values) => values.apply(self.network.weights(), x, y),
             Values::Csr(values) => values.apply(x, y),
         };
         y[self.nodes..].fill([0.0; LANES]);

@@ -85,7 +85,7 @@ impl Around {
             if weight <= 0.0 {
                 return;
             }
-            let coupling = &occupancy.couplings()[edge];
+            let coupling = occupancy.coupling(edge);
             let ends = network.edges().ends_of_existing(edge);
             let is_held = |end: u32| occupancy.conductors()[end as usize] != NO_OBJECT;
             if network.leads_out_of_plane(edge) {

@@ -26,7 +26,7 @@ fn coaxial_quarter(cells: usize) -> TetMesh {
     let square = lattice.to_tet_mesh().unwrap();
     let mut index = vec![None; square.nodes().len()];
     let (mut nodes, mut tets) = (Vec::new(), Vec::new());
-    for tet in square.tets() {
+    for tet in square.tets().iter() {
         let layer = |node: u32| square.nodes()[node as usize].truncate().max_element();
         if tet.iter().all(|&node| layer(node) >= 0.5 - 1e-12) {
             tets.push(tet.map(|node| {

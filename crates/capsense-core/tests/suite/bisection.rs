@@ -167,7 +167,7 @@ proptest! {
             let corners = elements.iter().flat_map(|&element| bisection.corners(element));
             let bounds = Aabb::around(corners);
             let [low, high] = angles_of_cell(bounds.size());
-            let of_cell = elements.iter().map(|&element| mesh.tets()[element]).collect();
+            let of_cell = elements.iter().map(|&element| mesh.tets().at(element)).collect();
             let quality = MeshQuality::of(&with_own_nodes(&mesh, of_cell));
             prop_assert!(quality.min_dihedral_degrees > low - 1e-6, "cell {cell}: {low} {quality:?}");
             prop_assert!(quality.max_dihedral_degrees < high + 1e-6, "cell {cell}: {high} {quality:?}");

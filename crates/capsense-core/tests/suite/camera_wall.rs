@@ -60,7 +60,7 @@ fn find(materials: &[Material], layers: &DepthLayers, terminal: Terminal) -> Fou
         permittivity: network.permittivity(),
     };
     occupancy.update(mesh, materials, layers);
-    let coupling = |edge: usize| occupancy.couplings()[edge];
+    let coupling = |edge: usize| *occupancy.coupling(edge);
     Found {
         past_wall: coupling(3 * node),
         along_rays: coupling(3 * node + 2),

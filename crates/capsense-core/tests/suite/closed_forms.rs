@@ -63,7 +63,7 @@ fn shell_octant(cells: usize) -> TetMesh {
     let mut index = vec![None; cube.nodes().len()];
     let mut nodes = Vec::new();
     let mut tets = Vec::new();
-    for tet in cube.tets() {
+    for tet in cube.tets().iter() {
         let in_shell = |node: &u32| cube.nodes()[*node as usize].max_element() >= 0.5 - 1e-12;
         if tet.iter().all(in_shell) {
             tets.push(tet.map(|node| {

@@ -176,7 +176,7 @@ fn a_substrate_below_counts_by_the_mean_of_both_sides() {
 fn a_sheet_at_the_surface_of_the_mesh_has_half_the_capacitance() {
     let whole = mesh(8.0, [0.3, 0.6], 0.15);
     let above: Vec<[u32; 4]> =
-        (0..whole.tets().len()).filter(|&e| whole.centroid(e).z > 0.0).map(|e| whole.tets()[e]).collect();
+        (0..whole.tets().len()).filter(|&e| whole.centroid(e).z > 0.0).map(|e| whole.tets().at(e)).collect();
     let first = whole.nodes().iter().position(|node| node.z > -1e-9).unwrap() as u32;
     let nodes = whole.nodes()[first as usize..].to_vec();
     let half = TetMesh::new(nodes, above.iter().map(|tet| tet.map(|node| node - first)).collect()).unwrap();

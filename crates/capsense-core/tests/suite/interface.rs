@@ -250,7 +250,7 @@ fn electrodes_win_over_conductors_and_conductors_over_dielectrics() {
                     assert!(holder == 1 && permittivity == 1.0, "of two conductors the first listed");
                 }
                 if holder != NO_OBJECT {
-                    for node in sensor.mesh().tets()[element].map(|node| node as usize) {
+                    for node in sensor.mesh().tets().at(element).map(|node| node as usize) {
                         let held = updater.occupancy.conductors()[node];
                         let free = sensor.owners()[node] == FREE;
                         assert_eq!(held == NO_OBJECT, !free);

@@ -82,7 +82,7 @@ fn nodes_of_an_open_wall_have_no_links_of_wedges() {
         // Of single wedges, links are carried along x and lead from the first node; surfaces cut edges that they pass.
         let carried =
             occupancy.linked_edges().iter().filter(|&&edge| edge % 3 == 0 && on_wall(edge as usize / 3));
-        let through = |&edge: &u32| occupancy.couplings()[edge as usize].through;
+        let through = |&edge: &u32| occupancy.coupling(edge as usize).through;
         let alone = carried.filter(|edge| through(edge) == 1.0).count();
         assert_eq!(alone, 0, "{place}");
     }

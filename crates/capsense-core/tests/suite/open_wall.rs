@@ -56,7 +56,7 @@ fn shell(cells: usize) -> TetMesh {
     let mut index = HashMap::new();
     for octant in 0..8 {
         let signs = DVec3::from_array([1, 2, 4].map(|bit| if octant & bit == 0 { 1.0 } else { -1.0 }));
-        for tet in cube.tets() {
+        for tet in cube.tets().iter() {
             let places = tet.map(|node| cube.nodes()[node as usize]);
             if places.iter().all(|place| place.max_element() >= 0.5 - 1e-12) {
                 let mut tet = places.map(|place| {
@@ -286,7 +286,7 @@ fn only_the_outer_surface_of_a_mesh_is_opened() {
     let cells = Lattice::uniform(domain, [5; 3]).unwrap().to_tet_mesh().unwrap();
     let is_middle = |place: DVec3| (place - 2.5).abs().max_element() < 0.6;
     let is_kept = |tet: &[u32; 4]| !tet.iter().all(|&node| is_middle(cells.nodes()[node as usize]));
-    let tets: Vec<[u32; 4]> = cells.tets().iter().filter(|tet| is_kept(tet)).copied().collect();
+    let tets: Vec<[u32; 4]> = cells.tets().iter().filter(|tet| is_kept(tet)).collect();
     let mesh = TetMesh::new(cells.nodes().to_vec(), tets).unwrap();
     let is_outer = |place: DVec3| place.min_element() == 0.0 || place.max_element() == 5.0;
     let electrode = || vec![("E".to_owned(), ElectrodeNodes::Nodes(nodes_where(&mesh, |p| p == DVec3::ONE)))];

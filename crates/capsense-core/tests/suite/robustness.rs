@@ -314,7 +314,7 @@ fn two_parts_with(grounded: [bool; 2], part_of_second: u32) -> Result<Sensor, Se
     let shifted = one.mesh().nodes().iter().map(|node| node + DVec3::X);
     let nodes = one.mesh().nodes().iter().copied().chain(shifted).collect();
     let tets = one.mesh().tets().iter();
-    let tets = tets.clone().copied().chain(tets.map(|tet| tet.map(|node| node + count))).collect();
+    let tets = tets.clone().chain(tets.map(|tet| tet.map(|node| node + count))).collect();
     let held = |terminal: u16, part: u32| -> Vec<u32> {
         let nodes = (0..).zip(one.owners()).filter(|(_, held)| **held == terminal);
         nodes.map(|(node, _): (u32, _)| node + part * count).collect()

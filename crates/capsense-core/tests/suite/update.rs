@@ -235,7 +235,7 @@ fn a_refused_image_leaves_the_frame_before_in_force() {
         let mut simulator = fresh.clone();
         let first = depth_of_boxes([32, 32], &[bar(0.05, 0.0)]);
         let _ = simulator.step(&first).unwrap();
-        let (matrix, occupied) = (simulator.matrix().to_csr(), simulator.occupancy().couplings().to_vec());
+        let (matrix, occupied) = (simulator.matrix().to_csr(), simulator.occupancy().clone());
         let mut broken = depth_of_boxes([32, 32], &[bar(0.03, 0.05)]);
         for (front, back) in [(f32::NAN, 0.1), (0.1, f32::NAN), (0.2, 0.1), (f32::INFINITY, 0.1)] {
             let (fronts, backs) = broken.layer_mut(0);
@@ -245,14 +245,14 @@ fn a_refused_image_leaves_the_frame_before_in_force() {
                 matches!(error, SimulatorError::Depth(ref depth) if depth.row == 15 && depth.column == 20)
             );
             assert_eq!(simulator.matrix().to_csr(), matrix);
-            assert_eq!(simulator.occupancy().couplings(), occupied);
+            assert!(simulator.occupancy().couplings().eq(occupied.couplings()));
         }
         let next = depth_of_boxes([32, 32], &[bar(0.049, 0.0)]);
         let _ = simulator.step(&next).unwrap();
         let mut anew = fresh;
         let _ = anew.step(&next).unwrap();
         assert_eq!(simulator.matrix().to_csr(), anew.matrix().to_csr());
-        assert_eq!(simulator.occupancy().couplings(), anew.occupancy().couplings());
+        assert!(simulator.occupancy().couplings().eq(anew.occupancy().couplings()));
     }
 }
 

@@ -153,7 +153,7 @@ fn a_body_without_a_share_leaves_the_field_of_another_alone() {
         solids.place(&order.map(|body| Pose::at(bodies[body].1))).unwrap();
         let mut occupancy = Occupancy::empty(mesh.nodes.len(), mesh.edges.len());
         occupancy.update(mesh, &materials, &solids);
-        occupancy.couplings().to_vec()
+        occupancy.couplings().copied().collect()
     };
     let swapped = |object: u16| if object == NO_OBJECT { object } else { 1 - object };
     let mut links = 0;

@@ -135,7 +135,7 @@ impl Frame3dBuilder {
         let holders = occupancy.conductors();
         self.changed.fill(false);
         occupancy.changed_edges().iter().for_each(|&edge| self.changed[edge as usize] = true);
-        for (edge, coupling) in occupancy.couplings().iter().enumerate() {
+        for (edge, coupling) in occupancy.couplings().enumerate() {
             let ends = self.scene.edge_ends[edge];
             if ends == NO_EDGE {
                 continue;

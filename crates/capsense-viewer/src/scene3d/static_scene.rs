@@ -70,7 +70,7 @@ impl StaticScene {
     pub(super) fn new(scene: &Scene, simulator: &Simulator) -> Self {
         let (sensor, network) = (simulator.sensor(), simulator.matrix().network());
         let mesh = sensor.mesh();
-        let edges = network.edges();
+        let (tets, edges) = (mesh.tets().to_vec(), network.edges());
         let shapes = designed_shapes(scene);
         let names = sensor.electrode_names().iter().enumerate();
         let electrodes = names.map(|(index, name)| match shapes.iter().find(|shape| shape.name == *name) {
@@ -90,9 +90,9 @@ impl StaticScene {
                 .map(|object| BodySurface::new(&object.shape, object.material))
                 .collect(),
             nodes: mesh.nodes().to_vec(),
-            tets: mesh.tets().to_vec(),
-            neighbours: neighbours(mesh.tets()),
-            tet_edges: edges_of_elements(mesh.tets(), edges),
+            neighbours: neighbours(&tets),
+            tet_edges: edges_of_elements(&tets, edges),
+            tets,
             edge_ends: (0..edges.len()).map(|edge| edges.ends(edge).unwrap_or(NO_EDGE)).collect(),
             permittivity: mesh.relative_permittivity().clone(),
             elements_in_cell: if matches!(edges, Edges::Lattice(_)) { 6 } else { 1 },
@@ -134,7 +134,7 @@ impl ElectrodeSurface {
         let mesh = sensor.mesh();
         let is_own = |node: u32| usize::from(sensor.owners()[node as usize]) == index + 1;
         let mut faces: Vec<[u32; 3]> = Vec::new();
-        for tet in mesh.tets() {
+        for tet in mesh.tets().iter() {
             for face in FACES.map(|face| face.map(|corner| tet[corner])) {
                 if face.into_iter().all(is_own) {
                     let mut face = face;

@@ -1,16 +1,18 @@
 //! Which edges of a lattice nodes near edges of conductors have changed.
 
 use super::{CARRIER, Room, Wedges};
+use crate::few::Few;
 use crate::mesh::Edges;
+use crate::occupancy::coupling::Coupling;
 use crate::occupancy::index_set::IndexSet;
 
 impl Wedges {
-    /// Adds the edges that the last update may have changed, whose ends' `conductors` are known, and which of them were plain.
+    /// Adds the edges that the last update may have changed, whose ends' `conductors` are known, and what they were.
     pub(in super::super) fn add_changed_edges(
         &self,
         edges: &Edges,
         conductors: &[u16],
-        is_plain: &[bool],
+        couplings: &Few<Coupling>,
         changed: &mut IndexSet,
     ) {
         let Edges::Lattice(lattice) = edges else { return };
@@ -29,7 +31,7 @@ impl Wedges {
                     // Edges that do not exist are plain.
                     let below = (3 * node + axis).wrapping_sub(3 * stride);
                     for edge in [below, 3 * node + axis] {
-                        if is_plain.get(edge) == Some(&false) {
+                        if edge < couplings.len() && couplings.has_own(edge) {
                             changed.insert_expected(edge);
                         }
                     }
@@ -37,7 +39,7 @@ impl Wedges {
                 continue;
             }
             let is_changed = |edge: usize, other: usize| {
-                !is_plain[edge]
+                couplings.has_own(edge)
                     || self.may_be_beside([node as u32, other as u32], [conductors[node], conductors[other]])
             };
             for (axis, stride) in strides.into_iter().enumerate() {

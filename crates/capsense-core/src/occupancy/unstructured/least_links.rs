@@ -1,8 +1,8 @@
 //! How little the links of nodes may be together, as far as elements with obtuse angles tell ([`super::obtuse`]): kept for each
 //! element from frame to frame, and computed once where something changed, not once for each node.
 
-use super::few::Few;
 use super::obtuse::{Corner, EndsIn, ObtuseElements};
+use crate::few::Few;
 use crate::occupancy::index_set::IndexList;
 use crate::workers::Workers;
 

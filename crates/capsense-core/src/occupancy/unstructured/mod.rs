@@ -4,7 +4,6 @@
 //! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
 
 mod cut_element;
-mod few;
 mod immersed;
 mod least_links;
 mod negative;
@@ -14,10 +13,10 @@ mod obtuse;
 use super::elements::edges_of;
 use super::index_set::IndexList;
 use super::{Coupling, Filled, NO_OBJECT, Occupancy, Scene};
+use crate::few::Few;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, TetMesh};
 use crate::workers::Workers;
-use few::Few;
 pub(crate) use immersed::may_be_immersed;
 use immersed::{ImmersedElements, OtherRules};
 use least_links::LeastLinks;
@@ -61,7 +60,7 @@ impl Unstructured {
     /// Takes the weights that edges have without objects. If there will be dielectrics, or several conductors, elements are
     /// to scale negative weights.
     pub(super) fn new(mesh: &TetMesh, edges: &Edges, weights: &[f64], are_scaled: bool) -> Self {
-        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(*tet, edges)).collect();
+        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(tet, edges)).collect();
         let obtuse = ObtuseElements::new(mesh, &of_elements, edges.len());
         let are_scaled = are_scaled && obtuse.len() > 0;
         Self {
@@ -78,7 +77,7 @@ impl Unstructured {
 
     /// Immerses elements that weak dielectrics will cut.
     pub(super) fn immerse(&mut self, mesh: &TetMesh, edges: &Edges) {
-        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(*tet, edges)).collect();
+        let of_elements: Vec<[u32; 6]> = mesh.tets().iter().map(|tet| edges_of(tet, edges)).collect();
         self.immersed = ImmersedElements::new(mesh, &of_elements, &self.weights, &self.obtuse);
     }
 
@@ -175,7 +174,7 @@ impl Occupancy {
         unstructured.update_links(workers, scene, around_edges, &self.conductor);
         unstructured.update_immersed(workers, scene);
         let conductor = std::mem::take(&mut self.conductor);
-        let (mut known, replaced) = self.known();
+        let (known, replaced) = self.known();
         for &edge in unstructured.pending.numbers() {
             let edge = edge as usize;
             let ends = scene.mesh.edges.ends_of_existing(edge);

@@ -48,7 +48,7 @@ impl NegativeWeights {
             (vec![0.0; count], vec![0.0; count], vec![0.0; count]);
         let mut negative = Vec::new();
         let mut number = 0;
-        for (element, (&nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
+        for (element, (nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
             let background = mesh.relative_permittivity().at(element);
             let shares = EdgeShare::of_element(mesh.corners(element)).zip(edges);
             for (share, edge) in shares.filter(|(_, edge)| *edge != NO_EDGE) {

@@ -16,8 +16,8 @@
 use super::super::coupling::Coupling;
 use super::super::elements::{Lists, NO_EDGE};
 use super::cut_element::CutElement;
-use super::few::Few;
 use super::least_links::ElementLinks;
+use crate::few::Few;
 use crate::mesh::{EdgeShare, TetMesh};
 
 /// What holds a node's potential.
@@ -53,7 +53,7 @@ impl ObtuseElements {
     /// Finds them, from the edges of all elements. They are numbered in the order of the mesh.
     pub(super) fn new(mesh: &TetMesh, of_elements: &[[u32; 6]], edge_count: usize) -> Self {
         let mut elements = Vec::new();
-        for (element, (&nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
+        for (element, (nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
             let shares = EdgeShare::of_element(mesh.corners(element));
             if shares.clone().any(|share| share.counts() && share.weight < 0.0) {
                 let background = mesh.relative_permittivity().at(element);

@@ -86,7 +86,7 @@ fn covered(mesh: &TetMesh, sides: &[Side]) -> BTreeMap<(Terminal, u32), f64> {
 fn sides_of_rims(mesh: &TetMesh, owners: &[Terminal]) -> (Vec<Side>, BTreeSet<u32>) {
     let is_electrode = |terminal: Terminal| terminal != FREE && terminal != GROUND;
     let (mut filled, mut triangles) = (BTreeSet::new(), BTreeMap::new());
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         let of = tet.map(|node| owners[node as usize]);
         for skipped in 0..4 {
             let [a, b, c] = [1, 2, 3].map(|k| (skipped + k) % 4);
@@ -250,7 +250,7 @@ fn permittivity_around(mesh: &TetMesh, nodes: impl Iterator<Item = u32>) -> BTre
     let mut sums: BTreeMap<u32, (f64, f64)> = nodes.map(|node| (node, (0.0, 0.0))).collect();
     for (element, tet) in mesh.tets().iter().enumerate() {
         for node in tet {
-            if let Some((weighted, volume)) = sums.get_mut(node) {
+            if let Some((weighted, volume)) = sums.get_mut(&node) {
                 let of_element = signed_volume(mesh.corners(element));
                 *weighted += of_element * mesh.relative_permittivity().at(element);
                 *volume += of_element;

@@ -132,10 +132,10 @@ pub(super) fn nearest_sides(mesh: &TetMesh, sides: &[Side], rings: u8) -> Vec<Op
         }
     }
     for ring in 1..=rings {
-        for tet in mesh.tets() {
+        for tet in mesh.tets().iter() {
             let before =
                 tet.map(|node| near[node as usize].filter(|(at, _)| *at < ring).map(|(_, side)| side));
-            for &node in tet {
+            for node in tet {
                 let known = near[node as usize];
                 if known.is_none_or(|(at, _)| at == ring) {
                     let candidates =

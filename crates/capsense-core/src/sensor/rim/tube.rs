@@ -200,9 +200,9 @@ fn ring_of_nodes(mesh: &TetMesh, plane: &Plane) -> Vec<Option<u8>> {
         ring[node as usize] = Some(0);
     }
     for at in 1..=RINGS {
-        for tet in mesh.tets() {
+        for tet in mesh.tets().iter() {
             if tet.iter().any(|&node| ring[node as usize] == Some(at - 1)) {
-                for &node in tet {
+                for node in tet {
                     ring[node as usize].get_or_insert(at);
                 }
             }

@@ -104,7 +104,7 @@ impl Changes {
         let cut = |edge: usize, ends: [u32; 2]| {
             let weight = network.weights()[edge];
             let is_cut = weight > 0.0 || scales_negative;
-            let coupling = if is_cut { &occupancy.couplings()[edge] } else { &Coupling::PLAIN };
+            let coupling = if is_cut { occupancy.coupling(edge) } else { &Coupling::PLAIN };
             Cut { ends, weight, coupling }
         };
         for (node, _) in scene.conductors.iter().enumerate().filter(|(_, object)| **object != NO_OBJECT) {
@@ -114,10 +114,7 @@ impl Changes {
                 }
             });
         }
-        for (edge, coupling) in occupancy.couplings().iter().enumerate() {
-            if coupling.through == 1.0 && !coupling.is_linked() {
-                continue;
-            }
+        for (edge, _) in occupancy.coupled_edges() {
             let ends = network.edges().ends_of_existing(edge);
             if ends.iter().all(|&node| scene.conductors[node as usize] == NO_OBJECT) {
                 self.take_outside(&scene, &cut(edge, ends));

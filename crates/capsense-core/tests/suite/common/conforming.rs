@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The faces of all elements and in how many they are.
 pub fn faces(mesh: &TetMesh) -> BTreeMap<[u32; 3], usize> {
     let mut faces = BTreeMap::new();
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         for skipped in 0..4 {
             let mut face = [1, 2, 3].map(|k| tet[(skipped + k) % 4]);
             face.sort_unstable();

@@ -217,7 +217,7 @@ pub fn with_moved_nodes(sensor: &Sensor) -> Sensor {
     let sensor = sensor.clone().with_rims_held();
     let mesh = sensor.mesh();
     let mut narrowest = vec![f64::INFINITY; mesh.nodes().len()];
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         for (a, b) in (0..4).flat_map(|a| (0..4).map(move |b| (tet[a] as usize, tet[b] as usize))) {
             if a != b {
                 narrowest[a] = narrowest[a].min(mesh.nodes()[a].distance(mesh.nodes()[b]));

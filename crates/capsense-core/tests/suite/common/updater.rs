@@ -76,7 +76,7 @@ impl<'a> Updater<'a> {
 
     /// Everything that one frame leaves, in bits.
     fn state(&self) -> State<'_> {
-        let couplings = self.occupancy.couplings().iter().map(|c| {
+        let couplings = self.occupancy.couplings().map(|c| {
             let objects = u64::from(c.object[0]) << 16 | u64::from(c.object[1]);
             [c.through.to_bits(), c.factor[0].to_bits(), c.factor[1].to_bits(), objects]
         });
@@ -102,7 +102,7 @@ impl<'a> Updater<'a> {
         assert!(nodes.filter(moved).eq(self.occupancy.changed_nodes().iter().copied()), "changed nodes");
         let ends = |edge: u32| self.network.edges().ends(edge as usize).into_iter().flatten();
         let other = |edge: &u32| {
-            let [now, then] = [self, before].map(|u| u.occupancy.couplings()[*edge as usize]);
+            let [now, then] = [self, before].map(|u| u.occupancy.coupling(*edge as usize));
             now != then || ends(*edge).any(|node| moved(&node))
         };
         let edges = (0..self.network.edges().len() as u32).filter(other);
@@ -125,7 +125,7 @@ impl<'a> Updater<'a> {
         let weights = self.network.weights().iter().enumerate();
         for (edge, _) in weights.filter(|(_, base)| **base > 0.0 || scales_negative) {
             let links = |u: &Self| {
-                let of = u.occupancy.couplings()[edge];
+                let of = u.occupancy.coupling(edge);
                 [0, 1].map(|end| (of.object[end], of.factor[end].to_bits()))
             };
             let [now, then] = [self, before].map(links);

@@ -58,7 +58,7 @@ fn irregular(tets: usize) -> Sensor {
     let sensor = Sensor::on_lattice(&design(), &design().lattice(tets).unwrap()).unwrap();
     let mesh = sensor.mesh();
     let mut narrowest = vec![f64::INFINITY; mesh.nodes().len()];
-    for tet in mesh.tets() {
+    for tet in mesh.tets().iter() {
         let pairs = tet.iter().flat_map(|&a| tet.iter().map(move |&b| [a as usize, b as usize]));
         for [a, b] in pairs.filter(|[a, b]| a != b) {
             narrowest[a] = narrowest[a].min(mesh.nodes()[a].distance(mesh.nodes()[b]));

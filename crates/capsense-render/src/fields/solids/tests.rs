@@ -88,11 +88,12 @@ fn compare(finder: &Finder, solids: &Solids, materials: &[Material]) -> Differen
     let nodes = expected.conductors().len();
     let empty =
         vec![Coupling { through: 1.0, factor: [0.0; 2], object: [u16::MAX; 2] }; found.couplings.len()];
-    let [ours, theirs, without] = [&found.couplings, expected.couplings(), &empty]
-        .map(|couplings| rows_of(&finder.network, nodes, couplings));
+    let couplings: Vec<Coupling> = expected.couplings().copied().collect();
+    let [ours, theirs, without] =
+        [&found.couplings, &couplings, &empty].map(|couplings| rows_of(&finder.network, nodes, couplings));
     let mut all = Difference {
         moved: of_core.zip(&found.conductors).filter(|(a, b)| a != *b).count(),
-        changed: expected.couplings().iter().zip(&empty).filter(|(a, b)| a != b).count(),
+        changed: couplings.iter().zip(&empty).filter(|(a, b)| a != b).count(),
         ..Difference::default()
     };
     let lattice = finder.sensor.lattice().unwrap();

@@ -18,9 +18,9 @@ mod share;
 use super::super::elements::{Lists, NO_EDGE};
 use super::super::index_set::IndexList;
 use super::super::{Coupling, Filled, NO_OBJECT, Scene};
-use super::few::Few;
 use super::negative::NegativeWeights;
 use super::obtuse::ObtuseElements;
+use crate::few::Few;
 use crate::geometry::Aabb;
 use crate::material::Material;
 use crate::mesh::{EdgeShare, TetMesh};
@@ -89,7 +89,7 @@ impl ImmersedElements {
     ) -> Option<Self> {
         let mut elements = Vec::with_capacity(of_elements.len());
         let mut number = 0;
-        for (element, (&nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
+        for (element, (nodes, &edges)) in mesh.tets().iter().zip(of_elements).enumerate() {
             let is_obtuse = obtuse.is(number as usize, nodes);
             let background = mesh.relative_permittivity().at(element);
             elements.push(Element {

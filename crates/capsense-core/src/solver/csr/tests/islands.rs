@@ -11,7 +11,7 @@ fn an_island_is_corrected_by_its_own_stiffness() {
     scene.tell(&mut solver);
     let network = scene.matrix.network();
     let mut inside = vec![false; scene.matrix.nodes()];
-    for (edge, coupling) in scene.occupancy.couplings().iter().enumerate() {
+    for (edge, coupling) in scene.occupancy.couplings().enumerate() {
         if coupling.through >= CONTRAST {
             network.edges().ends(edge).unwrap().iter().for_each(|&node| inside[node as usize] = true);
         }
