@@ -237,12 +237,12 @@ impl Sensor {
         if !rim.held.is_empty() {
             self.claim(terminal, name, &rim.held)?;
         }
-        for &Linked { node, weight, inside, covered } in &rim.linked {
+        for &Linked { node, weight, inside, covered, rows } in &rim.linked {
             let owner = self.owner_mut(name, node)?;
             if *owner == FREE {
                 *owner = terminal;
             }
-            self.rim.push(RimLink { node, electrode: index as u16, weight, inside, covered });
+            self.rim.push(RimLink { node, electrode: index as u16, weight, inside, covered, rows });
         }
         let terminals = &self.terminals;
         self.rim.retain(|link| terminals[link.node as usize] == FREE);

@@ -23,8 +23,8 @@ pub struct EdgeNetwork {
     /// Number of rows of electrodes and of ground.
     held_rows: usize,
     rim: Vec<RimLink>,
-    /// Edges that lead from nodes at rims out of their electrode's plane, in increasing order.
-    out_of_plane: Vec<u32>,
+    /// Edges that lead from nodes at rims out of their electrode's plane, in increasing order, and how far along z.
+    out_of_plane: Vec<(u32, f64)>,
 }
 
 /// What one element adds to one edge.
@@ -185,6 +185,7 @@ impl EdgeNetwork {
             weight,
             inside: false,
             covered: 0.0,
+            rows: f64::INFINITY,
         }));
     }
 
@@ -210,26 +211,28 @@ impl EdgeNetwork {
     }
 
     /// Electrodes of which it is known what their rims' nodes cover are across z.
-    fn find_out_of_plane(&self, nodes: &[DVec3]) -> Vec<u32> {
+    fn find_out_of_plane(&self, nodes: &[DVec3]) -> Vec<(u32, f64)> {
         let mut found = Vec::new();
         for link in self.rim.iter().filter(|link| link.covered > 0.0) {
             self.edges.for_edges_at(link.node as usize, |edge, _| {
                 if self.weights[edge] > 0.0 {
                     let [a, b] = self.edges.ends_of_existing(edge).map(|end| nodes[end as usize]);
-                    if (b.z - a.z).abs() > IN_PLANE * a.distance(b) {
-                        found.push(edge as u32);
+                    let height = (b.z - a.z).abs();
+                    if height > IN_PLANE * a.distance(b) {
+                        found.push((edge as u32, height));
                     }
                 }
             });
         }
-        found.sort_unstable();
+        found.sort_unstable_by_key(|(edge, _)| *edge);
         found.dedup();
         found
     }
 
-    /// Whether an edge leads from a node at a rim out of its electrode's plane.
-    pub(super) fn leads_out_of_plane(&self, edge: usize) -> bool {
-        self.out_of_plane.binary_search(&(edge as u32)).is_ok()
+    /// How far an edge leads from a node at a rim out of its electrode's plane, if it does, in metres.
+    pub(super) fn height_above_plane(&self, edge: usize) -> Option<f64> {
+        let found = self.out_of_plane.binary_search_by_key(&(edge as u32), |(edge, _)| *edge);
+        found.ok().map(|at| self.out_of_plane[at].1)
     }
 
     /// Mean relative permittivity of the background around each edge.

@@ -3,7 +3,9 @@
 //! A conductor close before an electrode makes plates of both, and what counts of a node at the rim is the part of its cell that the
 //! electrode covers: of the capacitor G between node and conductor, as much belongs to the electrode. In series with a link L, this takes
 //! G L / (G + L) there, so L has to be G s/(1 - s) for a part s. What the conductor adds to G when it comes closer than the next node, the
-//! link is made heavier by.
+//! link is made heavier by. Where cells are higher than rows along the rim are apart there are no plates yet when it comes as near as that: the
+//! link for a half-plane under a shield (`core::sensor::rim::half_plane`) is hardly another one than without the shield until it is as near as
+//! rows are apart, so what counts is by how much the conductor is nearer than these.
 
 use super::EdgeNetwork;
 use crate::occupancy::{NO_OBJECT, Occupancy};
@@ -58,8 +60,10 @@ impl RimWeights {
         if count == 0 {
             return 0.0;
         }
-        let Around { permittivity, nearer } = Around::of(node, network, occupancy);
-        let links = self.now[first..first + count].iter_mut().zip(&self.empty[first..]);
+        let links = &self.empty[first..first + count];
+        let rows = links.iter().map(|link| link.rows).fold(f64::INFINITY, f64::min);
+        let Around { permittivity, nearer } = Around::of(node, rows, network, occupancy);
+        let links = self.now[first..first + count].iter_mut().zip(links);
         links.fold(0.0, |total, (now, empty)| {
             let weight = empty.weight * permittivity + nearer * (empty.covered / (1.0 - empty.covered));
             self.changed |= weight.to_bits() != now.weight.to_bits();
@@ -73,12 +77,13 @@ impl RimWeights {
 struct Around {
     /// The mean permittivity in parts of that of the empty scene. Edges that end in a conductor tell nothing of it.
     permittivity: f64,
-    /// By how much what leads to conductors before and behind the electrode weighs more than edges do.
+    /// By how much what leads to conductors before and behind the electrode weighs more than edges do, or what would lead as far as rows are
+    /// apart.
     nearer: f64,
 }
 
 impl Around {
-    fn of(node: u32, network: &EdgeNetwork, occupancy: &Occupancy) -> Self {
+    fn of(node: u32, rows: f64, network: &EdgeNetwork, occupancy: &Occupancy) -> Self {
         let (mut sum, mut of_empty, mut nearer) = (0.0, 0.0, 0.0);
         network.edges().for_edges_at(node as usize, |edge, end| {
             let weight = network.weights()[edge];
@@ -88,9 +93,9 @@ impl Around {
             let coupling = occupancy.coupling(edge);
             let ends = network.edges().ends_of_existing(edge);
             let is_held = |end: u32| occupancy.conductors()[end as usize] != NO_OBJECT;
-            if network.leads_out_of_plane(edge) {
+            if let Some(height) = network.height_above_plane(edge) {
                 let through = if is_held(ends[1 - end]) { coupling.through } else { 0.0 };
-                nearer += weight * (coupling.factor[end] + through - 1.0).max(0.0);
+                nearer += weight * (coupling.factor[end] + through - (height / rows).max(1.0)).max(0.0);
             }
             if !coupling.is_linked() && !ends.into_iter().any(is_held) {
                 sum += weight * coupling.through;

@@ -20,7 +20,7 @@ struct Span { enter: f32, leave: f32 }
 const NO_OBJECT: u32 = 0xffffu;
 const HELD_AT_ZERO: u32 = 0xfffffffeu;
 // Words of a link in the tables.
-const LINK_WORDS: u32 = 3u;
+const LINK_WORDS: u32 = 4u;
 // As the host's numbers of terminals.
 const FREE: u32 = 0xffffu;
 const GROUND: u32 = 0u;
@@ -183,7 +183,8 @@ fn add_link(sums: ptr<function, Sums>, weight: f32, holder: u32) {
 const ELECTRODE_NORMAL: u32 = 2u;
 
 // Links between a node and the electrodes whose rim it is at, and ground beyond an open wall: they grow as the mean permittivity
-// around the node does, and by what conductors add to the weights of edges across the electrode, as far as that covers the node.
+// around the node does, and by what conductors add to the weights of edges across the electrode as they come nearer than rows are
+// apart, as far as that covers the node.
 fn add_own_links(sums: ptr<function, Sums>, node: u32, ratio: f32, nearer: f32) {
     let word = tables[lattice.nodes_at + 2u * node + 1u];
     let start = lattice.links_at + LINK_WORDS * (word / 16u);
@@ -192,6 +193,16 @@ fn add_own_links(sums: ptr<function, Sums>, node: u32, ratio: f32, nearer: f32) 
         let weight = ratio * bitcast<f32>(tables[at + 1u]) + nearer * bitcast<f32>(tables[at + 2u]);
         add_link(sums, weight, tables[at]);
     }
+}
+
+// One over the least distance between rows along the rims that a node is at; zero at none.
+fn rows_per_metre(node: u32) -> f32 {
+    let word = tables[lattice.nodes_at + 2u * node + 1u];
+    var most = 0.0f;
+    for (var link = 0u; link < word % 16u; link++) {
+        most = max(most, bitcast<f32>(tables[lattice.links_at + LINK_WORDS * (word / 16u + link) + 3u]));
+    }
+    return most;
 }
 
 fn is_near_any(place: vec3<u32>) -> bool {
@@ -231,7 +242,8 @@ fn find_row(grid: Grid, node: u32, place: vec3<u32>, next: ptr<function, vec3<f3
         links[number] = vec2<u32>(bitcast<u32>(weight * coupling.factor[end]), coupling.object[end]);
         if (axis == ELECTRODE_NORMAL) {
             let through = select(0.0, coupling.through, owners[1u - end] != NO_OBJECT);
-            nearer += weight * max(coupling.factor[end] + through - 1.0, 0.0);
+            let height = way_after(axis, start[axis]);
+            nearer += weight * max(coupling.factor[end] + through - max(height * rows_per_metre(node), 1.0), 0.0);
         }
         let is_linked = any(coupling.object != vec2<u32>(NO_OBJECT));
         if (!is_linked && all(owners == vec2<u32>(NO_OBJECT))) { means += weight * vec2<f32>(coupling.through, 1.0); }

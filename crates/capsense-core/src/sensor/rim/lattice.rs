@@ -24,10 +24,6 @@ const LOOK: f64 = 3.0;
 /// one and a half cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
 const SPREADING: f64 = 0.7;
 
-/// In cells that are higher than so many distances of rows, a conductor before the next node makes no plates yet: the link for a half-plane
-/// under a shield is lighter than without one there.
-const HIGHEST_OF_PLATES: f64 = 2.0;
-
 /// Nodes closer to the outline than this part of a cell lie on it.
 const ON_RIM: f64 = 1e-6;
 
@@ -71,10 +67,9 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 match link_of_far(&place, larger, height).unwrap_or_else(|| around.link(&place)) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
-                        let is_flat = height <= HIGHEST_OF_PLATES * size.min_element();
-                        let covered = if is_flat { around.covered(&place) } else { 0.0 };
+                        let (covered, rows) = (around.covered(&place), around.rows(place.normal));
                         let inside = place.distance <= 0.0;
-                        rim.linked.push(Linked { node, weight, inside, covered })
+                        rim.linked.push(Linked { node, weight, inside, covered, rows })
                     }
                     Link::None => {}
                 }
@@ -118,11 +113,15 @@ impl Surroundings<'_> {
         place.corner.filter(|corner| (corner.from.abs() / self.size).max_element() < NEAR_CORNER)
     }
 
+    /// How far rows along a rim are apart. Those along an oblique one are closer to each other, of nodes further apart.
+    fn rows(&self, normal: DVec2) -> f64 {
+        1.0 / (normal.abs() / self.size).element_sum()
+    }
+
     /// The part of it that an electrode covers, of which its rim leaves all behind it.
     fn covered(&self, place: &Place) -> f64 {
         let behind = |normal: DVec2, distance: f64| {
-            let rows = 1.0 / (normal.abs() / self.size).element_sum();
-            (0.5 - (distance + normal.dot(self.middle)) / rows).clamp(0.0, 1.0)
+            (0.5 - (distance + normal.dot(self.middle)) / self.rows(normal)).clamp(0.0, 1.0)
         };
         match self.near_corner(place) {
             Some(Corner { from, normals: [a, b] }) => behind(a, a.dot(from)) * behind(b, b.dot(from)),
@@ -131,10 +130,9 @@ impl Surroundings<'_> {
         .min(LARGEST_SHARE)
     }
 
-    /// At a distance outside of a straight rim. Oblique rims have rows closer to each other, of nodes further apart: exact
-    /// along the axes and, on squares, along diagonals.
+    /// At a distance outside of a straight rim: exact along the axes and, on squares, along diagonals.
     fn across(&self, normal: DVec2, distance: f64) -> Shared {
-        let rows = 1.0 / (normal.abs() / self.size).element_sum();
+        let rows = self.rows(normal);
         let stack = |up| self.ground.stack(self.place, LOOK * rows, up).in_units_of(rows);
         let stacks = [true, false].map(stack);
         let half_plane = HalfPlane::new(&stacks);

@@ -59,9 +59,10 @@ pub struct RimLink {
     pub weight: f64,
     /// Whether the node lies within the outline or on it.
     pub inside: bool,
-    /// The part of the node's cell in the plane of the electrode that this covers, below one. Zero where that is not known, and in cells so high
-    /// that a conductor before the next node makes no plates with the electrode.
+    /// The part of the node's cell in the plane of the electrode that this covers, below one. Zero where that is not known.
     pub covered: f64,
+    /// How far rows of nodes along the rim are apart, in metres; infinite where that is not known.
+    pub rows: f64,
 }
 
 /// What an electrode makes of the nodes at its rim.
@@ -82,4 +83,5 @@ pub(super) struct Linked {
     pub(super) inside: bool,
     /// As in [`RimLink`].
     pub(super) covered: f64,
+    pub(super) rows: f64,
 }

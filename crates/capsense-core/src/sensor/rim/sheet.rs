@@ -56,6 +56,7 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
             weight: permittivity[&node] * length / kappa,
             inside: true,
             covered: covered.get(&(terminal, node)).copied().unwrap_or_default(),
+            rows: f64::INFINITY,
         }));
     }
     links

@@ -76,7 +76,9 @@ impl Tables {
             let electrode = usize::from(link.electrode);
             let holder = if electrode < electrodes { electrode as u32 } else { HELD_AT_ZERO };
             let of_nearer = link.covered / (1.0 - link.covered);
-            words.extend([holder, (link.weight as f32).to_bits(), (of_nearer as f32).to_bits()]);
+            let of_link = [link.weight, of_nearer, 1.0 / link.rows].map(|number| (number as f32).to_bits());
+            words.push(holder);
+            words.extend(of_link);
         }
         let weights_at = words.len() as u32;
         for axis in 0..3 {
