@@ -77,7 +77,11 @@ pub struct DepthLayers {
 
 impl DepthLayers {
     /// Layers in which no ray hits anything.
+    ///
+    /// # Panics
+    /// When the view has no pixel.
     pub fn empty(view: OrthographicView, objects: usize) -> Self {
+        assert!(view.width > 0 && view.height > 0, "an image of {} x {} pixels", view.width, view.height);
         let len = view.width * view.height * objects;
         let pixel = view.pixel_size();
         Self {
