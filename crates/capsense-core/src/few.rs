@@ -48,36 +48,34 @@ impl<T> Few<T> {
         self.own(number).unwrap_or(&self.common)
     }
 
-    /// Takes another value, or that which most have. Returns the value of its own that it had.
+    /// Takes another value, or that which most have. Returns the one before.
     #[inline]
-    pub(crate) fn set(&mut self, number: usize, own: Option<T>) -> Option<T>
+    pub(crate) fn set(&mut self, number: usize, own: Option<T>) -> T
     where
         T: Copy,
     {
-        let Self { places, values, free, .. } = self;
+        let Self { common, places, values, free } = self;
         let place = &mut places[number];
         match (own, values.get_mut(*place as usize)) {
-            (Some(own), Some(value)) => Some(std::mem::replace(value, own)),
-            (Some(own), None) => {
-                match free.pop() {
-                    Some(other) => {
-                        values[other as usize] = own;
-                        *place = other;
-                    }
-                    None => {
-                        *place = values.len() as u32;
-                        values.push(own);
-                    }
+            (Some(own), Some(value)) => return std::mem::replace(value, own),
+            (Some(own), None) => match free.pop() {
+                Some(other) => {
+                    values[other as usize] = own;
+                    *place = other;
                 }
-                None
-            }
+                None => {
+                    *place = values.len() as u32;
+                    values.push(own);
+                }
+            },
             (None, Some(value)) => {
                 let before = *value;
                 free.push(std::mem::replace(place, NOWHERE));
-                Some(before)
+                return before;
             }
-            (None, None) => None,
+            (None, None) => {}
         }
+        *common
     }
 }
 
@@ -93,7 +91,7 @@ mod tests {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             let (number, is_own) = ((state >> 33) as usize % 50, state >> 62 == 0);
             all[number] = if is_own { round } else { 0 };
-            let before = few.own(number).copied();
+            let before = *few.get(number);
             assert_eq!(few.set(number, is_own.then_some(round)), before);
             assert!((0..50).all(|number| *few.get(number) == all[number]), "{round}");
             assert!((0..50).all(|number| few.has_own(number) == few.own(number).is_some()), "{round}");

@@ -121,4 +121,18 @@ mod tests {
             assert!(*mesh.tets() != swapped && mesh.tets().at(1) == walked[1]);
         }
     }
+
+    /// Nearly as many nodes as 32 bits can name, of which none is made.
+    #[test]
+    fn those_of_large_lattices_have_the_right_numbers() {
+        let axis = |count: usize| (0..count).map(|k| k as f64).collect::<Vec<_>>();
+        let lattice = Lattice::new([axis(2000), axis(1600), axis(1300)]).unwrap();
+        let tets = Tets::of_lattice(&lattice);
+        assert_eq!(tets.len(), 6 * 1999 * 1599 * 1299);
+        let last = tets.at(tets.len() - 1);
+        assert_eq!(last.into_iter().max(), Some(2000 * 1600 * 1300 - 1));
+        let cell = (700 * 1599 + 900) * 1999 + 1100;
+        let corner = lattice.node_index([1100, 900, 700]) as u32;
+        assert_eq!(tets.at(6 * cell)[0], corner);
+    }
 }

@@ -8,7 +8,7 @@ use super::fraction::Fractions;
 use super::{Contact, Coupling, Interface, NO_OBJECT, Occupancy, Scene, Touch};
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::{Background, Bins, CANCELLED, EdgeShare, Edges, TetMesh};
+use crate::mesh::{Background, Bins, CANCELLED, EdgeShare, Edges, TetMesh, Tets};
 use crate::sensor::{FREE, GROUND};
 use glam::DVec3;
 
@@ -40,7 +40,7 @@ pub(super) struct Elements {
 /// What never changes.
 #[derive(Clone, Debug)]
 struct Tables {
-    tets: Vec<[u32; 4]>,
+    tets: Tets,
     bins: Bins,
     /// Relative permittivity without objects.
     background: Background,
@@ -109,14 +109,14 @@ impl Tables {
             background: background.clone(),
             at_node: Lists::new(mesh.nodes().len(), corners),
             at_edge: Lists::new(edges.len(), shares.map(|(edge, (e, share))| (edge, (e, share.weight)))),
-            tets: tets.to_vec(),
+            tets: tets.clone(),
             edges: of_elements,
             reference,
         }
     }
 
     fn corners(&self, element: usize, nodes: &[DVec3]) -> [DVec3; 4] {
-        self.tets[element].map(|node| nodes[node as usize])
+        self.tets.at(element).map(|node| nodes[node as usize])
     }
 }
 
@@ -195,7 +195,7 @@ impl Elements {
                 changed.push((number, other_holder));
             }
             if holder != NO_OBJECT {
-                let electrodes = tables.tets[element].map(|node| scene.mesh.terminals[node as usize]);
+                let electrodes = tables.tets.at(element).map(|node| scene.mesh.terminals[node as usize]);
                 let electrodes =
                     electrodes.into_iter().filter(|terminal| !matches!(*terminal, FREE | GROUND));
                 self.touches.extend(electrodes.map(|terminal| {
@@ -303,7 +303,7 @@ impl Occupancy {
         elements.touches.drain(..).for_each(|touch| self.touches.add(touch));
         let changed = std::mem::take(&mut elements.changed);
         for &(element, _) in changed.iter().filter(|(_, other_holder)| *other_holder) {
-            for node in elements.tables.tets[element as usize].map(|node| node as usize) {
+            for node in elements.tables.tets.at(element as usize).map(|node| node as usize) {
                 let is_free = scene.mesh.terminals[node] == FREE;
                 if is_free && std::mem::replace(&mut elements.node_seen[node], frame) != frame {
                     self.set_holder(node, elements.holder(node));

@@ -415,6 +415,9 @@ impl Occupancy {
     }
 
     /// What is left of an edge.
+    ///
+    /// # Panics
+    /// When there is no such edge.
     pub fn coupling(&self, edge: usize) -> &Coupling {
         self.couplings.get(edge)
     }

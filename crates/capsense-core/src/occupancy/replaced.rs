@@ -100,7 +100,7 @@ impl Replaced {
     pub(super) fn exchange(&mut self, couplings: &mut Few<Coupling>) {
         for (edge, coupling) in &mut self.couplings {
             let own = (!coupling.is(&Coupling::PLAIN)).then_some(*coupling);
-            *coupling = couplings.set(*edge as usize, own).unwrap_or(Coupling::PLAIN);
+            *coupling = couplings.set(*edge as usize, own);
         }
     }
 

@@ -48,7 +48,7 @@ impl CsrValues {
         -self.matrix.values()[self.slots[edge][0] as usize]
     }
 
-    /// Returns whether an edge has another weight than before.
+    /// Gives an edge a weight. Returns whether it is another than before.
     pub(super) fn set_weight(&mut self, edge: usize, weight: f64) -> bool {
         if self.weight(edge).to_bits() == weight.to_bits() {
             return false;

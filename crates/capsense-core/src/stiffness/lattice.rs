@@ -1,4 +1,4 @@
-//! The stiffness matrix of a lattice: three weights a node, no indices.
+//! The stiffness matrix of a lattice: the network and what multiplies the weights of few of its edges, no indices.
 
 use super::{LANES, Lane};
 use crate::few::Few;
@@ -17,9 +17,9 @@ impl LatticeValues {
         Self { lattice: lattice.clone(), factors: Few::of(edges, 1.0) }
     }
 
-    /// Multiplies the weight of an edge by another factor. Returns whether it has another weight than before.
+    /// Gives an edge another factor. Returns whether it has another weight than before.
     pub(super) fn scale(&mut self, network: &[f64], edge: usize, factor: f64) -> bool {
-        let before = self.factors.set(edge, (factor != 1.0).then_some(factor)).unwrap_or(1.0);
+        let before = self.factors.set(edge, (factor != 1.0).then_some(factor));
         (network[edge] * before).to_bits() != (network[edge] * factor).to_bits()
     }
 

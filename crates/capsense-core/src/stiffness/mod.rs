@@ -132,7 +132,7 @@ impl StiffnessMatrix {
         self.refresh_diagonal();
     }
 
-    /// Multiplies the weight that an edge has in the network.
+    /// Gives an edge so many times the weight that it has in the network.
     fn scale(&mut self, edge: usize, ends: [u32; 2], factor: f64) {
         let network = self.network.weights();
         let is_changed = match &mut self.values {

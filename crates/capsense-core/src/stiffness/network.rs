@@ -230,7 +230,7 @@ impl EdgeNetwork {
     }
 
     /// How far an edge leads from a node at a rim out of its electrode's plane, if it does, in metres.
-    pub(super) fn height_above_plane(&self, edge: usize) -> Option<f64> {
+    pub(super) fn way_out_of_plane(&self, edge: usize) -> Option<f64> {
         let found = self.out_of_plane.binary_search_by_key(&(edge as u32), |(edge, _)| *edge);
         found.ok().map(|at| self.out_of_plane[at].1)
     }

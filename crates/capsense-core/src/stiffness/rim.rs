@@ -5,7 +5,8 @@
 //! G L / (G + L) there, so L has to be G s/(1 - s) for a part s. What the conductor adds to G when it comes closer than the next node, the
 //! link is made heavier by. Where cells are higher than rows along the rim are apart there are no plates yet when it comes as near as that: the
 //! link for a half-plane under a shield (`core::sensor::rim::half_plane`) is hardly another one than without the shield until it is as near as
-//! rows are apart, so what counts is by how much the conductor is nearer than these.
+//! rows are apart, so what counts is by how much the conductor is nearer than these. Of several rims at a node the closest rows count for
+//! all. How far apart those along a sheet are is not known, so there it counts from the next node on, however high cells are.
 
 use super::EdgeNetwork;
 use crate::occupancy::{NO_OBJECT, Occupancy};
@@ -93,9 +94,9 @@ impl Around {
             let coupling = occupancy.coupling(edge);
             let ends = network.edges().ends_of_existing(edge);
             let is_held = |end: u32| occupancy.conductors()[end as usize] != NO_OBJECT;
-            if let Some(height) = network.height_above_plane(edge) {
+            if let Some(way) = network.way_out_of_plane(edge) {
                 let through = if is_held(ends[1 - end]) { coupling.through } else { 0.0 };
-                nearer += weight * (coupling.factor[end] + through - (height / rows).max(1.0)).max(0.0);
+                nearer += weight * (coupling.factor[end] + through - (way / rows).max(1.0)).max(0.0);
             }
             if !coupling.is_linked() && !ends.into_iter().any(is_held) {
                 sum += weight * coupling.through;

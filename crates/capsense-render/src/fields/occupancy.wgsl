@@ -218,6 +218,7 @@ fn find_row(grid: Grid, node: u32, place: vec3<u32>, next: ptr<function, vec3<f3
     var links: array<vec2<u32>, 6>;
     var means = vec2<f32>();
     var nearer = 0.0f;
+    let of_rows = rows_per_metre(node);
     var changed = 0u;
     for (var number = 0u; number < 6u; number++) {
         let axis = number / 2u;
@@ -242,8 +243,8 @@ fn find_row(grid: Grid, node: u32, place: vec3<u32>, next: ptr<function, vec3<f3
         links[number] = vec2<u32>(bitcast<u32>(weight * coupling.factor[end]), coupling.object[end]);
         if (axis == ELECTRODE_NORMAL) {
             let through = select(0.0, coupling.through, owners[1u - end] != NO_OBJECT);
-            let height = way_after(axis, start[axis]);
-            nearer += weight * max(coupling.factor[end] + through - max(height * rows_per_metre(node), 1.0), 0.0);
+            let way = way_after(axis, start[axis]);
+            nearer += weight * max(coupling.factor[end] + through - max(way * of_rows, 1.0), 0.0);
         }
         let is_linked = any(coupling.object != vec2<u32>(NO_OBJECT));
         if (!is_linked && all(owners == vec2<u32>(NO_OBJECT))) { means += weight * vec2<f32>(coupling.through, 1.0); }

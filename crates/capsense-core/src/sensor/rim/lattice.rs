@@ -67,7 +67,7 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                 match link_of_far(&place, larger, height).unwrap_or_else(|| around.link(&place)) {
                     Link::Held => rim.held.push(node),
                     Link::Weight(weight) => {
-                        let (covered, rows) = (around.covered(&place), around.rows(place.normal));
+                        let (covered, rows) = (around.covered(&place), around.rows_at(&place));
                         let inside = place.distance <= 0.0;
                         rim.linked.push(Linked { node, weight, inside, covered, rows })
                     }
@@ -116,6 +116,14 @@ impl Surroundings<'_> {
     /// How far rows along a rim are apart. Those along an oblique one are closer to each other, of nodes further apart.
     fn rows(&self, normal: DVec2) -> f64 {
         1.0 / (normal.abs() / self.size).element_sum()
+    }
+
+    /// The same for a node: at a corner the closer ones of both sides.
+    fn rows_at(&self, place: &Place) -> f64 {
+        match self.near_corner(place) {
+            Some(Corner { normals: [a, b], .. }) => self.rows(a).min(self.rows(b)),
+            None => self.rows(place.normal),
+        }
     }
 
     /// The part of it that an electrode covers, of which its rim leaves all behind it.

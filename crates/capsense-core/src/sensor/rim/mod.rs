@@ -61,7 +61,7 @@ pub struct RimLink {
     pub inside: bool,
     /// The part of the node's cell in the plane of the electrode that this covers, below one. Zero where that is not known.
     pub covered: f64,
-    /// How far rows of nodes along the rim are apart, in metres; infinite where that is not known.
+    /// How far rows of nodes along the rim are apart, in metres. Infinite where that is not known: cells there count as no higher than that.
     pub rows: f64,
 }
 
