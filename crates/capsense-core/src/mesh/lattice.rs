@@ -129,7 +129,9 @@ impl Lattice {
 
 /// Where a thing is among so many along each axis that are numbered with x running fastest.
 fn place_of_index(index: usize, [nx, ny, _]: [usize; 3]) -> [usize; 3] {
-    [index % nx, index / nx % ny, index / (nx * ny)]
+    // One division for each axis: they are slow.
+    let row = index / nx;
+    [index % nx, row % ny, row / ny]
 }
 
 /// Paths through a cell; those of even permutations first.

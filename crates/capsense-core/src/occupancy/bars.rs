@@ -48,23 +48,22 @@ impl Bars {
         [REACH * first, REACH * second]
     }
 
+    /// What is seen of them along an axis.
+    #[inline(always)]
+    pub(crate) fn on_axis(&self, axis: usize) -> OnAxis {
+        OnAxis::new(self.start[axis], self.way[axis], self.across.map(|way| way[axis]))
+    }
+
     /// Where the middle lines start along an axis.
     #[inline(always)]
     pub fn starts(&self, axis: usize) -> OfBars {
-        let (start, [first, second]) = (self.start[axis], self.across);
-        let (first, second) = (first[axis], second[axis]);
-        let mut starts = [start; BARS];
-        for (bar, at) in starts.iter_mut().enumerate() {
-            *at += first * PLACES[0][bar] + second * PLACES[1][bar];
-        }
-        starts
+        self.on_axis(axis).starts
     }
 
     /// How far each reaches from its middle line along an axis.
     #[inline(always)]
     pub fn reach(&self, axis: usize) -> f64 {
-        let [first, second] = self.sides();
-        first[axis].abs() + second[axis].abs()
+        self.on_axis(axis).reach
     }
 
     /// Where the middle line of one starts.
@@ -81,6 +80,29 @@ impl Bars {
             let start = self.start_of(bar);
             [start, start + self.way]
         })
+    }
+}
+
+/// What is seen of bars along one axis.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OnAxis {
+    /// Where the middle lines start.
+    pub(crate) starts: OfBars,
+    /// From there to their ends.
+    pub(crate) way: f64,
+    /// How far each bar reaches from its middle line.
+    pub(crate) reach: f64,
+}
+
+impl OnAxis {
+    /// Of bars in a box: where the middle line of the box starts, how far that leads, and from there to the middles of two sides.
+    #[inline(always)]
+    pub(crate) fn new(start: f64, way: f64, [first, second]: [f64; 2]) -> Self {
+        let mut starts = [start; BARS];
+        for (bar, at) in starts.iter_mut().enumerate() {
+            *at += first * PLACES[0][bar] + second * PLACES[1][bar];
+        }
+        Self { starts, way, reach: (REACH * first).abs() + (REACH * second).abs() }
     }
 }
 

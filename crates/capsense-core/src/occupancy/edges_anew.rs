@@ -4,6 +4,7 @@ use super::camera_wall::CameraWalls;
 use super::coupling::{Coupling, EdgeRule};
 use super::index_set::IndexSet;
 use super::near_field::{Row, Wedges};
+use super::parallel::ByLines;
 use super::replaced::{KnownEdges, Replaced};
 use super::scene::Scene;
 use super::unstructured::{HeldEdge, Unstructured};
@@ -235,7 +236,8 @@ impl Room {
         let mut is_met = !spans.is_empty() || !is_free;
         let background = scene.mesh.permittivity.at(edge);
         let rule = EdgeRule { owners, spans, materials: scene.materials, background };
-        let mut cut = rule.coupling(breaks);
+        let is_plain = is_free && rule.spans.is_empty();
+        let mut cut = if is_plain { Coupling::PLAIN } else { rule.coupling(breaks) };
         if scene.has_camera_walls {
             cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
             is_met |= cut != Coupling::PLAIN;
@@ -249,12 +251,18 @@ impl Room {
         &mut self,
         Sight { scene, wedges, .. }: Sight<'_>,
         (edge, ends): (usize, [u32; 2]),
-        lines: f64,
+        ByLines { through: lines, is_far_from_edges }: ByLines,
     ) -> f64 {
         let Self { spans, beside, breaks, row, .. } = self;
-        let Some((number, strength)) = scene.strongest(spans, scene.mesh.permittivity.at(edge)) else {
+        let background = scene.mesh.permittivity.at(edge);
+        let Some((number, strength)) = scene.strongest(spans, background) else {
             return lines;
         };
+        if is_far_from_edges {
+            // Nor are there walls.
+            let rule = EdgeRule { owners: [NO_OBJECT; 2], spans, materials: scene.materials, background };
+            return lines + strength * (rule.coupling(breaks).through - lines);
+        }
         let star = wedges.star(ends[0] as usize, row);
         let past_walls = vectorised(
             #[inline(always)]

@@ -5,6 +5,7 @@
 //! which fill whole elements, are told in [`Interface`].
 
 mod bars;
+mod between_faces;
 mod camera_wall;
 mod changes;
 mod comparison;
@@ -30,8 +31,9 @@ mod surfaces;
 mod unresolved;
 mod unstructured;
 
-pub(crate) use bars::of_bars;
 pub use bars::{BARS, Bars, Fill, OfBars};
+pub(crate) use bars::{OnAxis, of_bars};
+pub(crate) use between_faces::{LEAST_REACH, keep_between, within};
 pub use changes::{Earlier, Regions};
 pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};

@@ -24,6 +24,7 @@
 
 mod around;
 mod lines;
+mod one_face;
 mod strong;
 
 use super::coupling::EdgeRule;
@@ -33,8 +34,8 @@ use crate::geometry::Aabb;
 use crate::instructions::vectorised;
 use crate::material::Material;
 use crate::mesh::Edges;
-use around::{Around, QUARTERS, Quarter};
-use lines::{InFrame, LINES, Lines};
+use around::{Around, QUARTERS, Quarter, Quarters};
+use lines::{InFrame, LINES, Lines, Met};
 use strong::PassedBy;
 
 /// Dielectrics below this relative permittivity are weak.
@@ -107,6 +108,24 @@ impl SideBySide {
     fn counted(self, through: f64) -> f64 {
         if self.are_in_series { 1.0 / through } else { through }
     }
+
+    /// What multiplies the weight of a quarter of whose lines a dielectric of some permittivity over the background's fills this.
+    #[inline(always)]
+    fn through_filled(self, fill: &Fill, ratio: f64, passed_by: PassedBy) -> f64 {
+        let are_lines_alone = passed_by.are_lines_alone();
+        let of_lines = of_bars(
+            #[inline(always)]
+            |line| {
+                let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
+                let mut through = over_length(length, ratio);
+                if !are_lines_alone {
+                    through = passed_by.of_length(length).through_any(through);
+                }
+                (1.0 - part) + part * self.counted(through)
+            },
+        );
+        self.counted(mean(of_lines))
+    }
 }
 
 /// An edge that several dielectrics may be near, or some that a camera sees, and working storage.
@@ -122,6 +141,21 @@ struct Look<'a> {
 #[inline(always)]
 fn over_length(length: f64, ratio: f64) -> f64 {
     1.0 / ((1.0 - length) + length / ratio)
+}
+
+/// What lines tell of an edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ByLines {
+    /// What multiplies its weight.
+    pub(super) through: f64,
+    /// Whether a dielectric on it is known to have no edge in the box around it, even one that reaches up to the next edges.
+    pub(super) is_far_from_edges: bool,
+}
+
+impl ByLines {
+    fn new(through: f64) -> Self {
+        Self { through, is_far_from_edges: false }
+    }
 }
 
 /// Of equal numbers exactly what they are.
@@ -141,7 +175,7 @@ impl Scene<'_> {
         on_edge: &[(u16, Span)],
         spans: &mut Vec<(u16, Span)>,
         breaks: &mut Vec<f64>,
-    ) -> Option<f64> {
+    ) -> Option<ByLines> {
         let Edges::Lattice(lattice) = self.mesh.edges else { return None };
         if owners != [NO_OBJECT; 2] || !self.are_lined(on_edge) {
             return None;
@@ -159,6 +193,7 @@ impl Scene<'_> {
                 self.mean_over_quarters(edge, &quarters, |quarter, background| {
                     self.through_some(&mut look, &quarters[quarter], background)
                 })
+                .map(ByLines::new)
             }
         }
     }
@@ -170,23 +205,55 @@ impl Scene<'_> {
         around: &Around,
         object: usize,
         on_edge: &[(u16, Span)],
+    ) -> Option<ByLines> {
+        let body = self.in_frame(object, around);
+        let quarters = || around.quarters();
+        let through = match body.met() {
+            Met::Nothing => None,
+            Met::Inside => {
+                let through_all = |_, background| self.through_all(object, background, lines);
+                self.mean_over_quarters(edge, &quarters(), through_all)
+            }
+            Met::Faces(faces) => self.along_faces((edge, lines), (&body, faces), &quarters(), on_edge),
+            Met::Surfaces => self.along_any((edge, lines), &body, &quarters(), on_edge),
+        };
+        let through = through?;
+        Some(ByLines { through, is_far_from_edges: !on_edge.is_empty() && body.is_far_from_edges(around) })
+    }
+
+    /// An edge in the frame of an object.
+    #[inline(always)]
+    fn in_frame(&self, object: usize, around: &Around) -> InFrame<'_> {
+        match self.fields[object].of_box() {
+            Some((angles, half)) => InFrame::of(self.surfaces, (object, &angles.frame(), Some(half)), around),
+            None => InFrame::of(self.surfaces, (object, &self.surfaces.frame(object), None), around),
+        }
+    }
+
+    /// The same, whichever surfaces the body has near the edge.
+    fn along_any(
+        &self,
+        (edge, lines): (usize, SideBySide),
+        body: &InFrame<'_>,
+        quarters: &Quarters,
+        on_edge: &[(u16, Span)],
     ) -> Option<f64> {
-        let body = InFrame::of(self.surfaces, object, around);
-        let side = body.side();
-        if side == Some(Side::Outside) {
-            return None;
-        }
-        let quarters = around.quarters();
-        if side == Some(Side::Inside) {
-            let through_all = |_, background| self.through_all(object, background, lines);
-            return self.mean_over_quarters(edge, &quarters, through_all);
-        }
         let mut fill = [Fill::WHOLE; QUARTERS];
-        body.fill(&quarters, &mut fill);
-        self.mean_over_quarters(edge, &quarters, |quarter, background| {
-            let body = body.lines(&quarters[quarter], None);
-            self.through_one(&body, &fill[quarter], background, on_edge, lines)
-        })
+        body.fill(quarters, &mut fill);
+        vectorised(
+            #[inline(always)]
+            || {
+                self.mean_over_quarters(
+                    edge,
+                    quarters,
+                    #[inline(always)]
+                    |quarter, background| {
+                        let body = body.lines(&quarters[quarter], None);
+                        self.through_one(&body, &fill[quarter], background, on_edge, lines)
+                    },
+                )
+            },
+        )
     }
 
     /// What multiplies the weight of an edge whose quarters with their background's permittivity have such weights; `None` where all of them
@@ -220,7 +287,7 @@ impl Scene<'_> {
     }
 
     /// What multiplies the weight of a quarter that one dielectric may be in; `None` where it is, and is not taken along lines.
-    #[inline]
+    #[inline(always)]
     fn through_one(
         &self,
         body: &Lines<'_>,
@@ -233,25 +300,7 @@ impl Scene<'_> {
             return Some(1.0);
         }
         let ratio = self.ratio(body.object(), background)?;
-        let passed_by = self.passed_by(body, fill, on_edge, background);
-        let are_lines_alone = passed_by.are_lines_alone();
-        Some(vectorised(
-            #[inline(always)]
-            || {
-                let of_lines = of_bars(
-                    #[inline(always)]
-                    |line| {
-                        let (part, length) = (fill.part[line], fill.exit[line] - fill.enter[line]);
-                        let mut through = over_length(length, ratio);
-                        if !are_lines_alone {
-                            through = passed_by.of_length(length).through_any(through);
-                        }
-                        (1.0 - part) + part * lines.counted(through)
-                    },
-                );
-                lines.counted(mean(of_lines))
-            },
-        ))
+        Some(lines.through_filled(fill, ratio, self.passed_by(body, fill, on_edge, background)))
     }
 
     /// The same of a quarter that it fills.
@@ -268,9 +317,13 @@ impl Scene<'_> {
             Filling::None => Some(1.0),
             Filling::Even(object) => self.through_all(object, background, lines),
             Filling::Part(object, layers) => {
-                let body = InFrame::of(self.surfaces, object, around);
+                let body = self.in_frame(object, around);
                 let body = body.lines(quarter, layers);
-                self.through_one(&body, &body.fill(), background, on_edge, lines)
+                let fill = body.fill();
+                vectorised(
+                    #[inline(always)]
+                    || self.through_one(&body, &fill, background, on_edge, lines),
+                )
             }
             Filling::Parts => self.through_several(look, quarter, background),
         }
@@ -289,7 +342,7 @@ impl Scene<'_> {
                 spans.clear();
                 let (mut next, mut passed_by) = (0.0f64, PassedBy::LINES_ALONE);
                 for object in self.dielectrics_near(bounds) {
-                    let body = InFrame::of(self.surfaces, object, around);
+                    let body = self.in_frame(object, around);
                     let body = body.lines(quarter, None);
                     let fill = body.fill();
                     let Some((part, span)) = fill.of(line) else { continue };

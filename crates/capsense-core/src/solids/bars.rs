@@ -13,14 +13,8 @@
 
 use super::convex::Convex;
 use crate::instructions::vectorised;
-use crate::occupancy::{BARS, Bars, Fill, OfBars, either, larger, of_bars, smaller};
+use crate::occupancy::{BARS, Bars, Fill, LEAST_REACH, keep_between, larger, of_bars, smaller, within};
 use glam::DVec3;
-
-/// Bars are no thinner than this, in metres: by less nothing can be divided.
-const LEAST_REACH: f64 = 1e-100;
-
-/// What is missing from a cross-section is the same all along a bar if it differs by less than this from end to end.
-const EVEN: f64 = 1e-6;
 
 /// So many groups of bars are looked at axis by axis: those of the quarters around an edge.
 const TOGETHER: usize = 4;
@@ -50,7 +44,7 @@ impl Convex {
         let mut fill = Fill::WHOLE;
         match *self {
             Self::Cylinder { radius, half_length } if is_aligned(bars) => {
-                if keep_between(&mut fill, bars, 2, half_length).is_none() {
+                if keep_between(&mut fill, &bars.on_axis(2), half_length).is_none() {
                     return Fill::NOTHING;
                 }
                 if is_along_z(bars.way) {
@@ -95,7 +89,7 @@ fn fill_in_box(half: DVec3, [middle, reach]: [DVec3; 2], bars: &[Bars], fill: &m
 #[inline(always)]
 fn keep_between_all(fill: &mut [Fill], cuts: &mut [u8; TOGETHER], bars: &[Bars], axis: usize, half: f64) {
     for ((bars, fill), cuts) in bars.iter().zip(fill).zip(cuts) {
-        match keep_between(fill, bars, axis, half) {
+        match keep_between(fill, &bars.on_axis(axis), half) {
             Some(is_cut) => *cuts += u8::from(is_cut),
             None => fill.part = Fill::NOTHING.part,
         }
@@ -110,24 +104,6 @@ fn is_along_z(way: DVec3) -> bool {
 fn is_aligned(bars: &Bars) -> bool {
     let is_across_z = |way: DVec3| way.z.abs() <= ALONG * way.length();
     [bars.way, bars.across[0], bars.across[1]].into_iter().all(|way| is_along_z(way) || is_across_z(way))
-}
-
-/// Keeps what is left between the faces across an axis, so far from the origin; returns whether that may be a part alone, and `None` if it is
-/// nothing.
-#[inline(always)]
-fn keep_between(fill: &mut Fill, bars: &Bars, axis: usize, half: f64) -> Option<bool> {
-    let (starts, way, reach) = (bars.starts(axis), bars.way[axis], bars.reach(axis));
-    let least = smaller(smaller(starts[0], starts[1]), smaller(starts[2], starts[3]));
-    let most = larger(larger(starts[0], starts[1]), larger(starts[2], starts[3]));
-    let (least, most) = (least + smaller(way, 0.0) - reach, most + larger(way, 0.0) + reach);
-    if least >= -half && most <= half {
-        return Some(false);
-    }
-    if least >= half || most <= -half {
-        return None;
-    }
-    Lines::new(way, reach, &starts).keep_between(fill, [-half, half]);
-    Some(true)
 }
 
 /// Keeps nothing of bars that a plane parts from a box, which its faces by themselves do not tell, and little of those that nearly are.
@@ -238,142 +214,6 @@ fn keep(fill: &mut Fill, bar: usize, [enter, exit]: [f64; 2]) {
     let (enter, exit) = (larger(fill.enter[bar], enter), smaller(fill.exit[bar], exit));
     (fill.enter[bar], fill.exit[bar]) = (enter, larger(enter, exit));
     fill.part[bar] *= if enter < exit { 1.0 } else { 0.0 };
-}
-
-/// Bars along an axis: how far they lead along it, by size and sign, how far they reach from their middle lines, and where these
-/// are lowest.
-#[derive(Clone, Copy, Debug)]
-struct Lines {
-    way: f64,
-    is_backwards: bool,
-    reach: f64,
-    per_thickness: f64,
-    per_way: f64,
-    lowest: OfBars,
-}
-
-impl Lines {
-    #[inline(always)]
-    fn new(way: f64, reach: f64, starts: &OfBars) -> Self {
-        let (length, is_backwards, reach) = (way.abs(), way < 0.0, larger(reach, LEAST_REACH));
-        let lowest = of_bars(
-            #[inline(always)]
-            |bar| starts[bar] + smaller(way, 0.0),
-        );
-        Self { way: length, is_backwards, reach, per_thickness: 0.5 / reach, per_way: 1.0 / length, lowest }
-    }
-
-    /// Keeps what two faces leave of each.
-    #[inline(always)]
-    fn keep_between(&self, fill: &mut Fill, [low, high]: [f64; 2]) {
-        let Self { way, is_backwards, reach, per_thickness, lowest, .. } = *self;
-        // How far middle lines are inside of either face at the most.
-        let above = of_bars(
-            #[inline(always)]
-            |bar| lowest[bar] + way - low,
-        );
-        let below = of_bars(
-            #[inline(always)]
-            |bar| high - lowest[bar],
-        );
-        // The thickest part of the cross-section that is left.
-        let fits = smaller((high - low) * per_thickness, 1.0);
-        let part = of_bars(
-            #[inline(always)]
-            |bar| within((smaller(above[bar], below[bar]) + reach) * per_thickness, fits),
-        );
-        if way * per_thickness < EVEN {
-            fill.part = of_bars(
-                #[inline(always)]
-                |bar| fill.part[bar] * part[bar],
-            );
-            return;
-        }
-        let (missing_below, missing_above) = (self.missing(above), self.missing(below));
-        let missing_before = if is_backwards { missing_above } else { missing_below };
-        let all = of_bars(
-            #[inline(always)]
-            |bar| missing_below[bar] + missing_above[bar],
-        );
-        let left = of_bars(
-            #[inline(always)]
-            |bar| larger(1.0 - all[bar], 0.0),
-        );
-        // As thick as it is at the most, and as much volume: of what is missing along a bar then, so much is at its start.
-        let length = of_bars(
-            #[inline(always)]
-            |bar| {
-                let thinner = smaller(left[bar] / larger(part[bar], f64::MIN_POSITIVE), 1.0);
-                either(part[bar] < 1.0, thinner, left[bar])
-            },
-        );
-        let enter = of_bars(
-            #[inline(always)]
-            |bar| {
-                let at_start = (1.0 - length[bar]) / larger(all[bar], f64::MIN_POSITIVE);
-                missing_before[bar] * either(part[bar] < 1.0, at_start, 1.0)
-            },
-        );
-        let exit = of_bars(
-            #[inline(always)]
-            |bar| smaller(fill.exit[bar], enter[bar] + length[bar]),
-        );
-        let enter = of_bars(
-            #[inline(always)]
-            |bar| larger(fill.enter[bar], enter[bar]),
-        );
-        fill.part = of_bars(
-            #[inline(always)]
-            |bar| fill.part[bar] * either(enter[bar] < exit[bar], part[bar], 0.0),
-        );
-        fill.exit = of_bars(
-            #[inline(always)]
-            |bar| larger(enter[bar], exit[bar]),
-        );
-        fill.enter = enter;
-    }
-
-    /// What a face takes of the volume if the middle line is so far inside of it at one end and, the bar's way less, at the other.
-    #[inline(always)]
-    fn missing(&self, inside: OfBars) -> OfBars {
-        let Self { way, reach, per_thickness, per_way, .. } = *self;
-        // Of the cross-section (reach - x) / 2 reach is missing where the middle line is x inside, but no less than nothing and no more
-        // than all.
-        if way < 2.0 * reach {
-            let (more, thickness) = (way * per_thickness, 2.0 * reach * per_way);
-            of_bars(
-                #[inline(always)]
-                |bar| {
-                    let least = (reach - inside[bar]) * per_thickness;
-                    let some = (sum_of_ramp(least + more, 1.0) - sum_of_ramp(least, 1.0)) * thickness;
-                    either(inside[bar] - way >= reach, 0.0, either(least >= 1.0, 1.0, some))
-                },
-            )
-        } else {
-            let width = 2.0 * reach * per_way;
-            of_bars(
-                #[inline(always)]
-                |bar| {
-                    let end = 1.0 - inside[bar] * per_way + 0.5 * width;
-                    let some = sum_of_ramp(end, width) - sum_of_ramp(end - 1.0, width);
-                    either(inside[bar] - way >= reach, 0.0, some)
-                },
-            )
-        }
-    }
-}
-
-/// The integral, up to a place, of what rises from nothing to one over a width and stays there.
-#[inline(always)]
-fn sum_of_ramp(to: f64, width: f64) -> f64 {
-    let rising = within(to, width);
-    0.5 * rising * (rising / width) + larger(to - width, 0.0)
-}
-
-/// A number, but no less than nothing and no more than another.
-#[inline(always)]
-fn within(number: f64, most: f64) -> f64 {
-    smaller(larger(number, 0.0), most)
 }
 
 #[cfg(test)]

@@ -11,16 +11,17 @@ pub(super) const QUARTERS: usize = 4;
 /// What is around an edge of a lattice.
 pub(super) struct Around {
     pub(super) from: DVec3,
-    pub(super) to: DVec3,
+    pub(super) length: f64,
     /// That along which the edge is, and those across it.
     pub(super) axis: usize,
     pub(super) across: [usize; 2],
     /// The steps to the neighbours below and above along either axis across the edge; zero at the rim of the lattice, where there is none.
     steps: [[f64; 2]; 2],
-    /// The first node.
-    place: [usize; 3],
-    /// How many cells there are along x and y.
-    cells: [usize; 2],
+    /// The box around it, half-way to its neighbours.
+    bounds: Aabb,
+    /// The cell behind the first node in all directions, and how many cells it is to the one before along either axis across the edge.
+    cell: usize,
+    strides: [usize; 2],
 }
 
 /// A quarter of the box around an edge: what of it lies in one of the cells around the edge.
@@ -55,19 +56,35 @@ impl Around {
     pub(super) fn edge(lattice: &Lattice, edge: usize) -> Option<Self> {
         let (node, axis) = (edge / 3, edge % 3);
         let place = lattice.node_place(node);
-        let planes = lattice.axes();
-        let from = DVec3::new(planes[0][place[0]], planes[1][place[1]], planes[2][place[2]]);
-        let mut to = from;
-        to[axis] = *planes[axis].get(place[axis] + 1)?;
-        let across = [(axis + 1) % 3, (axis + 2) % 3];
-        let steps = |axis: usize| {
-            let (planes, at) = (&planes[axis], place[axis]);
-            let step = |plane: Option<&f64>| plane.map_or(0.0, |plane| plane - planes[at]);
-            [step(planes[..at].last()), step(planes.get(at + 1))]
+        // No number is written to where an axis tells and then read with its neighbours: that waits.
+        let plane = |axis: usize| {
+            let (planes, at) = (&lattice.axes()[axis], place[axis]);
+            let own = planes[at];
+            let step = |plane: Option<&f64>| plane.map_or(0.0, |plane| plane - own);
+            (own, [step(planes[..at].last()), step(planes.get(at + 1))])
         };
-        let steps = [steps(across[0]), steps(across[1])];
-        let [x, y, _] = lattice.node_counts();
-        Some(Self { from, to, axis, across, steps, place, cells: [x - 1, y - 1] })
+        let ((x, of_x), (y, of_y), (z, of_z)) = (plane(0), plane(1), plane(2));
+        let [nodes_x, nodes_y, _] = lattice.node_counts();
+        let (row, layer) = (nodes_x - 1, (nodes_x - 1) * (nodes_y - 1));
+        let (own, across, steps, strides) = match axis {
+            0 => (of_x, [1, 2], [of_y, of_z], [row, layer]),
+            1 => (of_y, [2, 0], [of_z, of_x], [layer, 1]),
+            _ => (of_z, [0, 1], [of_x, of_y], [1, row]),
+        };
+        let length = own[1];
+        let reach = |of: usize, [below, above]: [f64; 2]| match of == axis {
+            true => [0.0, above],
+            false => [0.5 * below, 0.5 * above],
+        };
+        let ([min_x, max_x], [min_y, max_y], [min_z, max_z]) =
+            (reach(0, of_x), reach(1, of_y), reach(2, of_z));
+        let bounds = Aabb {
+            min: DVec3::new(x + min_x, y + min_y, z + min_z),
+            max: DVec3::new(x + max_x, y + max_y, z + max_z),
+        };
+        let cell = place[2] * layer + place[1] * row + place[0];
+        let from = DVec3::new(x, y, z);
+        (length > 0.0).then_some(Self { from, length, axis, across, steps, bounds, cell, strides })
     }
 
     /// How far the box around it, half-way to its neighbours, reaches along the axes across it.
@@ -78,18 +95,12 @@ impl Around {
 
     #[inline]
     pub(super) fn bounds(&self) -> Aabb {
-        let (mut min, mut max) = (self.from, self.to);
-        for (axis, [below, above]) in self.across.into_iter().zip(self.reach()) {
-            min[axis] += below;
-            max[axis] += above;
-        }
-        Aabb { min, max }
+        self.bounds
     }
 
     /// The quarters of that box.
     #[inline]
     pub(super) fn quarters(&self) -> Quarters {
-        let [columns, rows] = self.cells;
         let (mut all, mut count) = ([Quarter::default(); QUARTERS], 0);
         for quarter in 0..QUARTERS {
             let sides = [quarter / 2, quarter % 2];
@@ -98,10 +109,7 @@ impl Around {
             if share == 0.0 {
                 continue;
             }
-            let mut behind = self.place;
-            behind[self.across[0]] -= 1 - sides[0];
-            behind[self.across[1]] -= 1 - sides[1];
-            let cell = (behind[2] * rows + behind[1]) * columns + behind[0];
+            let cell = self.cell - (1 - sides[0]) * self.strides[0] - (1 - sides[1]) * self.strides[1];
             all[count] = Quarter { offset: [0.25 * first, 0.25 * second], share, cell };
             count += 1;
         }
@@ -109,7 +117,8 @@ impl Around {
     }
 
     pub(super) fn bounds_of(&self, quarter: &Quarter) -> Aabb {
-        let (mut min, mut max) = (self.from, self.to);
+        let (mut min, mut max) = (self.from, self.from);
+        max[self.axis] = self.bounds.max[self.axis];
         for (axis, offset) in self.across.into_iter().zip(quarter.offset) {
             let reach = 2.0 * offset;
             min[axis] += reach.min(0.0);

@@ -95,6 +95,7 @@ impl Scene<'_> {
 
     /// What an edge makes of a body in a quarter of its box: nothing but lines where the body is weak or on the edge itself. `fill` is what of
     /// the lines is in the body.
+    #[inline(always)]
     pub(super) fn passed_by(
         &self,
         lines: &Lines<'_>,
@@ -102,14 +103,31 @@ impl Scene<'_> {
         on_edge: &[(u16, Span)],
         background: f64,
     ) -> PassedBy {
-        if on_edge.iter().any(|(object, _)| usize::from(*object) == lines.object()) {
-            return PassedBy::LINES_ALONE;
+        match self.strength_beside(lines.object(), on_edge, background) {
+            Some(strength) => self.passed_by_strong(strength, lines, fill),
+            None => PassedBy::LINES_ALONE,
         }
-        let strength = self.strength(lines.object(), background);
-        if strength == 0.0 {
-            return PassedBy::LINES_ALONE;
+    }
+
+    /// How strong a body is that is beside an edge alone; `None` if it is weak or on the edge itself, where nothing but lines counts.
+    #[inline(always)]
+    pub(super) fn strength_beside(
+        &self,
+        object: usize,
+        on_edge: &[(u16, Span)],
+        background: f64,
+    ) -> Option<f64> {
+        if on_edge.iter().any(|(other, _)| usize::from(*other) == object) {
+            return None;
         }
-        if self.surfaces.roundness(lines.object()).is_some() {
+        let strength = self.strength(object, background);
+        (strength > 0.0).then_some(strength)
+    }
+
+    /// What an edge makes of a body so strong that is beside it alone.
+    pub(super) fn passed_by_strong(&self, strength: f64, lines: &Lines<'_>, fill: &Fill) -> PassedBy {
+        if self.fields[lines.object()].of_box().is_none() && self.surfaces.roundness(lines.object()).is_some()
+        {
             return PassedBy { gap: 0.0, part: 1.0 - strength };
         }
         let (mut all, mut sum) = (0.0, 0.0);
