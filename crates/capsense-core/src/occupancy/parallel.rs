@@ -31,7 +31,7 @@ use super::coupling::EdgeRule;
 use super::scene::is_electrode;
 use super::{Fill, LayersWithin, NO_OBJECT, Scene, Side, Span, either, of_bars, smaller};
 use crate::geometry::Aabb;
-use crate::instructions::vectorised;
+use crate::instructions::vectorised_by_eight;
 use crate::material::Material;
 use crate::mesh::Edges;
 use around::{Around, QUARTERS, Quarter, Quarters};
@@ -240,7 +240,7 @@ impl Scene<'_> {
     ) -> Option<f64> {
         let mut fill = [Fill::WHOLE; QUARTERS];
         body.fill(quarters, &mut fill);
-        vectorised(
+        vectorised_by_eight(
             #[inline(always)]
             || {
                 self.mean_over_quarters(
@@ -320,7 +320,7 @@ impl Scene<'_> {
                 let body = self.in_frame(object, around);
                 let body = body.lines(quarter, layers);
                 let fill = body.fill();
-                vectorised(
+                vectorised_by_eight(
                     #[inline(always)]
                     || self.through_one(&body, &fill, background, on_edge, lines),
                 )

@@ -12,7 +12,7 @@
 //! themselves: middle lines are asked.
 
 use super::convex::Convex;
-use crate::instructions::vectorised;
+use crate::instructions::vectorised_by_eight;
 use crate::occupancy::{BARS, Bars, Fill, LEAST_REACH, keep_between, larger, of_bars, smaller, within};
 use glam::DVec3;
 
@@ -27,7 +27,7 @@ impl Convex {
     /// some half size.
     pub(super) fn fill(&self, within: [DVec3; 2], bars: &[Bars], fill: &mut [Fill]) {
         match *self {
-            Self::Box(half) => vectorised(
+            Self::Box(half) => vectorised_by_eight(
                 #[inline(always)]
                 || {
                     for (bars, fill) in bars.chunks(TOGETHER).zip(fill.chunks_mut(TOGETHER)) {

@@ -7,7 +7,7 @@
 //! it, is an island in an island and has such a direction of its own: 1 less its part along the directions of the islands
 //! around it, in the scalar product of K, so that solutions along both may be added.
 
-use crate::occupancy::Occupancy;
+use crate::occupancy::{IndexList, Occupancy};
 use crate::stiffness::StiffnessMatrix;
 use std::ops::Range;
 
@@ -32,12 +32,10 @@ pub(super) struct Islands {
     nodes: Vec<u32>,
     around: Vec<Part>,
     /// Edges that hold islands together, and whether each edge of the mesh is one.
-    strong: Vec<u32>,
+    strong: IndexList,
     is_strong: Vec<bool>,
-    /// The nodes joined so far, each once, whether each node of the mesh is one of them, and one that it is joined to: itself
-    /// outside of islands.
-    members: Vec<u32>,
-    is_member: Vec<bool>,
+    /// The nodes joined so far, and one that each node of the mesh is joined to: itself outside of islands.
+    members: IndexList,
     parent: Vec<u32>,
     /// Of the islands found last, each node after the one that it is joined to, and weights that lead out of one of them.
     joined: Vec<[u32; 2]>,
@@ -83,10 +81,9 @@ impl Islands {
             islands: Vec::new(),
             nodes: Vec::new(),
             around: Vec::new(),
-            strong: Vec::new(),
+            strong: IndexList::below(0),
             is_strong: Vec::new(),
-            members: Vec::new(),
-            is_member: Vec::new(),
+            members: IndexList::below(0),
             parent: Vec::new(),
             joined: Vec::new(),
             outward: Vec::new(),
@@ -109,8 +106,10 @@ impl Islands {
         changed: &[u32],
     ) {
         self.find_strong_edges(matrix, occupancy, fixed, changed);
-        self.parent.extend(self.parent.len() as u32..matrix.nodes() as u32);
-        self.is_member.resize(matrix.nodes(), false);
+        if self.parent.is_empty() {
+            self.parent.extend(0..matrix.nodes() as u32);
+            self.members = IndexList::below(matrix.nodes());
+        }
         self.islands.clear();
         self.nodes.clear();
         self.around.clear();
@@ -123,25 +122,21 @@ impl Islands {
 
     /// Joins the nodes of edges of some strength. Returns whether there are any.
     fn join(&mut self, matrix: &StiffnessMatrix, occupancy: &Occupancy, contrast: f64) -> bool {
-        for node in self.members.drain(..) {
+        for &node in self.members.numbers() {
             self.parent[node as usize] = node;
-            self.is_member[node as usize] = false;
         }
-        for &edge in &self.strong {
+        self.members.clear();
+        for &edge in self.strong.numbers() {
             if occupancy.contrast(edge as usize) < contrast {
                 continue;
             }
             let [a, b] = matrix.network().edges().ends_of_existing(edge as usize);
-            for node in [a, b] {
-                if !std::mem::replace(&mut self.is_member[node as usize], true) {
-                    self.members.push(node);
-                }
-            }
+            [a, b].into_iter().for_each(|node| self.members.insert(node as usize));
             let (a, b) = (root(&mut self.parent, a), root(&mut self.parent, b));
             self.parent[a.max(b) as usize] = a.min(b);
         }
-        self.members.sort_unstable();
-        !self.members.is_empty()
+        self.members.sort();
+        !self.members.numbers().is_empty()
     }
 
     /// The nodes of each island, in the order of their smallest ones.
@@ -165,22 +160,31 @@ impl Islands {
     ) {
         let Self { strong, is_strong, .. } = self;
         let edges = matrix.network().edges();
-        is_strong.resize(edges.len(), false);
+        if is_strong.is_empty() {
+            is_strong.resize(edges.len(), false);
+            *strong = IndexList::below(edges.len());
+        }
         let are_free = |ends: [u32; 2]| ends.iter().all(|&node| !fixed[node as usize]);
+        let (mut are_more, mut are_less) = (false, false);
         for &node in changed {
             edges.for_edges_at(node as usize, |edge, _| {
                 let is_strong_now =
                     occupancy.contrast(edge) >= self.least_contrast && edges.ends(edge).is_some_and(are_free);
-                if is_strong_now && !is_strong[edge] {
-                    strong.push(edge as u32);
+                if is_strong_now != is_strong[edge] {
+                    is_strong[edge] = is_strong_now;
+                    (are_more, are_less) = (are_more || is_strong_now, are_less || !is_strong_now);
+                    if is_strong_now {
+                        strong.insert(edge);
+                    }
                 }
-                is_strong[edge] = is_strong_now;
             });
         }
-        strong.retain(|&edge| is_strong[edge as usize]);
-        strong.sort_unstable();
-        // An edge that was strong, was not and is again has been listed twice.
-        strong.dedup();
+        if are_less {
+            strong.retain(|edge| is_strong[edge]);
+        }
+        if are_more {
+            strong.sort();
+        }
     }
 
     /// Adds the islands that were joined; some are in islands that are there already, held together by weaker edges.
@@ -188,7 +192,7 @@ impl Islands {
         let weaker = self.islands.len();
         let mut joined = std::mem::take(&mut self.joined);
         joined.clear();
-        joined.extend(self.members.iter().map(|&node| [root(&mut self.parent, node), node]));
+        joined.extend(self.members.numbers().iter().map(|&node| [root(&mut self.parent, node), node]));
         joined.sort_unstable();
         for island in joined.chunk_by(|a, b| a[0] == b[0]) {
             let first = self.nodes.len();

@@ -8,7 +8,7 @@ use super::around::{QUARTERS, Quarters};
 use super::lines::{Faces, InFrame};
 use super::strong::PassedBy;
 use super::{Fill, Scene, SideBySide, Span};
-use crate::instructions::vectorised;
+use crate::instructions::vectorised_by_eight;
 
 /// A quarter where lines are all that counts, and what multiplies its weight. Others that are like it have the same.
 #[derive(Clone, Copy)]
@@ -29,7 +29,7 @@ impl Scene<'_> {
         on_edge: &[(u16, Span)],
     ) -> Option<f64> {
         let mut seen = [None; QUARTERS];
-        vectorised(
+        vectorised_by_eight(
             #[inline(always)]
             || {
                 self.mean_over_quarters(
