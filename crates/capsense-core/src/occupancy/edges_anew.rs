@@ -280,6 +280,9 @@ impl Room {
         owners: [u16; 2],
         cut: Coupling,
     ) -> Coupling {
+        if !wedges.has_any() {
+            return cut;
+        }
         let covered = if wedges.may_be_beside(ends, owners) {
             let Self { spans, beside, breaks, row, .. } = self;
             let star = wedges.star(ends[0] as usize, row);

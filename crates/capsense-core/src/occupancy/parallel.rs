@@ -184,7 +184,7 @@ impl Scene<'_> {
         let lines = self.side_by_side(edge, ends);
         match self.only_dielectric_near(around.bounds()) {
             Near::None => None,
-            Near::One(object) if self.surfaces.are_exact() => {
+            Near::One(object) if self.has_silhouettes => {
                 self.along_alone((edge, lines), &around, object, on_edge)
             }
             Near::One(_) | Near::Several => {
@@ -265,25 +265,20 @@ impl Scene<'_> {
         quarters: &[Quarter],
         mut through: impl FnMut(usize, f64) -> Option<f64>,
     ) -> Option<f64> {
+        let of_edge = if self.cells.is_none() { self.mesh.permittivity.at(edge) } else { 1.0 };
         let (mut sum, mut whole, mut is_met) = (0.0, 0.0, false);
         for (number, quarter) in quarters.iter().enumerate() {
-            let background = self.background_of(edge, quarter);
+            // The relative permittivity around it without objects, which is what it weighs where quarters may differ in it.
+            let (background, weight) = match self.cells {
+                Some(cells) => (cells.at(quarter.cell), cells.at(quarter.cell)),
+                None => (of_edge, 1.0),
+            };
             let through = through(number, background)?;
             is_met |= through != 1.0;
-            let share = quarter.share * self.weight_of(background);
+            let share = quarter.share * weight;
             (sum, whole) = (sum + share * through, whole + share);
         }
         is_met.then(|| sum / whole)
-    }
-
-    /// The relative permittivity around a quarter without objects.
-    fn background_of(&self, edge: usize, quarter: &Quarter) -> f64 {
-        self.cells.map_or_else(|| self.mesh.permittivity.at(edge), |cells| cells.at(quarter.cell))
-    }
-
-    /// What a quarter with such a background weighs.
-    fn weight_of(&self, background: f64) -> f64 {
-        if self.cells.is_some() { background } else { 1.0 }
     }
 
     /// What multiplies the weight of a quarter that one dielectric may be in; `None` where it is, and is not taken along lines.
@@ -399,7 +394,8 @@ impl Scene<'_> {
     }
 
     fn is_lined(&self, object: usize) -> bool {
-        is_lined(&self.materials[object], self.surfaces.are_exact())
+        // Lines are on lattices alone.
+        is_lined(&self.materials[object], self.has_silhouettes)
     }
 
     /// The permittivity of a dielectric over the background's; `None` for objects that are not taken along lines.

@@ -34,6 +34,10 @@ impl Scene<'_> {
         matches!(self.materials[object], Material::Conductor(_))
     }
 
+    pub(super) fn has_conductors(&self) -> bool {
+        (0..self.materials.len()).any(|object| self.is_conductor(object))
+    }
+
     pub(super) fn has_only_conductors(&self) -> bool {
         (0..self.materials.len()).all(|object| self.is_conductor(object))
     }

@@ -177,6 +177,8 @@ impl Near {
 pub(super) struct Wedges {
     /// Empty before the first exact surface.
     at: Vec<AtWedge>,
+    /// Whether there are conductors. If not, nodes make nothing of anything.
+    has_conductors: bool,
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
@@ -203,7 +205,11 @@ impl Wedges {
         if self.at.is_empty() {
             return;
         }
-        let Self { at, stars, nodes, rooms } = self;
+        let had_conductors = std::mem::replace(&mut self.has_conductors, scene.has_conductors());
+        if !had_conductors && !self.has_conductors {
+            return;
+        }
+        let Self { at, stars, nodes, rooms, .. } = self;
         for region in regions {
             let near = grown(scene.mesh.edges, region);
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
@@ -225,6 +231,12 @@ impl Wedges {
     /// one before.
     pub(super) fn star(&self, node: usize, row: &mut Row) -> Star<'_> {
         self.stars.at(node, row)
+    }
+
+    /// Whether there are any.
+    #[inline]
+    pub(super) fn has_any(&self) -> bool {
+        self.has_conductors
     }
 
     /// Whether walls of conductors may pass beside an edge that is not all between wedges.
