@@ -1,7 +1,7 @@
 //! Where the answers of surfaces may differ from those of the frame before.
 
 use super::comparison::Comparison;
-use super::near_field::{self, KnownField};
+use super::near_field::{self, KnownField, PlateEnds};
 use super::{DepthLayers, EdgeGeometry, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
@@ -97,6 +97,8 @@ pub(super) struct Changes {
     bounds: Vec<Aabb>,
     /// What is known of the field around each.
     fields: Vec<KnownField>,
+    /// Of each that is a plate, what its ends change.
+    ends: Vec<Option<PlateEnds>>,
     materials: Vec<Material>,
     earlier: Earlier,
     regions: Regions,
@@ -138,6 +140,11 @@ impl Changes {
         }
         self.fields.clear();
         self.fields.extend((0..materials.len()).map(|object| KnownField::around(surfaces, object)));
+        let of_objects = materials.iter().zip(&self.fields).enumerate();
+        self.ends.clear();
+        self.ends.extend(
+            of_objects.map(|(object, (material, field))| PlateEnds::of(object, mesh.edges, material, field)),
+        );
         // From below, so that what is met on the way mostly is met in order.
         regions.boxes.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
         self.planes.clear();
@@ -154,6 +161,11 @@ impl Changes {
     /// What is known of the field around each object.
     pub(super) fn fields(&self) -> &[KnownField] {
         &self.fields
+    }
+
+    /// What the ends of each object change, if it is a plate.
+    pub(super) fn ends(&self) -> &[Option<PlateEnds>] {
+        &self.ends
     }
 
     /// Boxes outside of which no answer differs from that of the frame before. They may overlap.
@@ -188,7 +200,7 @@ impl Changes {
 
 /// What is near to two objects. What a node makes of an edge of one object depends on where the other is.
 fn near_both(mesh: &EdgeGeometry<'_>, a: &Aabb, b: &Aabb) -> Option<Aabb> {
-    let [a, b] = [near_field::grown(mesh.edges, a), near_field::grown(mesh.edges, b)];
+    let [a, b] = [a, b].map(|near| near_field::grown_more(mesh.edges, near, near_field::MORE_PLANES));
     a.intersects(&b).then(|| Aabb { min: a.min.max(b.min), max: a.max.min(b.max) })
 }
 

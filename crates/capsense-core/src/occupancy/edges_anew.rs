@@ -199,7 +199,11 @@ impl Sight<'_> {
     #[inline]
     fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {
         let ends = self.scene.mesh.edges.ends_of_existing(edge);
-        self.wedges.link_alone(edge, ends).map(|coupling| (ends, coupling))
+        let mut coupling = self.wedges.link_alone(edge, ends)?;
+        if self.scene.has_ends && self.wedges.between(ends).is_some() {
+            coupling.through *= self.scene.end_factor(edge);
+        }
+        Some((ends, coupling))
     }
 }
 

@@ -271,7 +271,7 @@ impl Occupancy {
         let (changes, cells) = (std::mem::take(&mut self.changes), std::mem::take(&mut self.cells));
         let beside = parallel::reach(mesh.edges, materials, surfaces.are_exact());
         let has_silhouettes = surfaces.are_exact() && matches!(mesh.edges, Edges::Lattice(_));
-        let (bounds, fields) = (changes.bounds(), changes.fields());
+        let (bounds, fields, ends) = (changes.bounds(), changes.fields(), changes.ends());
         let has_camera_walls = camera_wall::is_of_use(mesh.edges, materials, surfaces);
         let scene = Scene {
             mesh,
@@ -279,6 +279,8 @@ impl Occupancy {
             surfaces,
             bounds,
             fields,
+            ends,
+            has_ends: has_silhouettes && ends.iter().any(Option::is_some),
             cells: cells.as_ref(),
             has_lines: beside != Beside::Nowhere,
             has_silhouettes,

@@ -1,11 +1,11 @@
 //! What one frame asks of its objects: which conductor holds a node, and what an edge passes through.
 
 use super::coupling::touches;
-use super::near_field::KnownField;
+use super::near_field::{KnownField, PlateEnds};
 use super::{Contact, EdgeGeometry, NO_OBJECT, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::material::Material;
-use crate::mesh::Background;
+use crate::mesh::{Background, Edges};
 use crate::sensor::{FREE, GROUND, Terminal};
 use glam::DVec3;
 
@@ -17,6 +17,9 @@ pub(super) struct Scene<'a> {
     pub(super) bounds: &'a [Aabb],
     /// What is known of the field around each object.
     pub(super) fields: &'a [KnownField],
+    /// What the ends of each object change, if it is a plate, and whether any do.
+    pub(super) ends: &'a [Option<PlateEnds>],
+    pub(super) has_ends: bool,
     /// The relative permittivity of each cell of a lattice without objects, where it is known not to be the same everywhere.
     pub(super) cells: Option<&'a Background>,
     /// Whether there are dielectrics that are taken along lines.
@@ -81,6 +84,17 @@ impl Scene<'_> {
         match self.fields[object].of_box() {
             Some((angles, half)) => angles.span_in_box(half, a, b),
             None => self.surfaces.span(object, a, b),
+        }
+    }
+
+    /// What multiplies the weight of an edge near ends of plates.
+    pub(super) fn end_factor(&self, edge: usize) -> f64 {
+        match self.mesh.edges {
+            Edges::Lattice(lattice) if self.has_ends => {
+                let ends = self.ends.iter().flatten();
+                ends.map(|ends| ends.factor(lattice, edge, self.bounds)).product()
+            }
+            _ => 1.0,
         }
     }
 

@@ -184,6 +184,43 @@ fn a_bar_that_slides_leaves_no_trace() {
     }
 }
 
+/// Ends of floating plates change weights as far as two cells away, as long as plates are level and nothing else is near.
+#[test]
+fn floating_plates_leave_no_trace() {
+    let plate = |height| Shape::Box { size: DVec3::new(0.15, 0.12, height) };
+    let mut solids = Solids::new(&[plate(0.02), plate(0.01)]).unwrap();
+    let sensor = stripes_sensor(10_000);
+    let mut updater =
+        Updater::new(&sensor, &[conductor(Connection::Floating), conductor(Connection::Capacitance(1e-12))]);
+    let away = Pose::at(DVec3::new(0.0, 0.0, 3.0));
+    let rises = (0..40).map(|k| Pose::at(DVec3::new(0.0, 0.01, 0.1 + 0.0015 * f64::from(k))));
+    let slides = (0..30).map(|k| Pose::at(DVec3::new(0.002 * f64::from(k), 0.01, 0.16)));
+    let turns = (0..20).map(|k| Pose {
+        rotation: DQuat::from_rotation_z(0.1 * f64::from(k)),
+        ..Pose::at(DVec3::new(0.06, 0.01, 0.16))
+    });
+    let tilts = (0..30).map(|k| Pose {
+        rotation: DQuat::from_rotation_y(0.003 * f64::from(k)),
+        ..Pose::at(DVec3::new(0.03, 0.01, 0.16))
+    });
+    let stands = std::iter::once(Pose {
+        rotation: DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2),
+        ..Pose::at(DVec3::new(0.0, 0.01, 0.16))
+    });
+    for pose in rises.chain(slides).chain(turns).chain(tilts).chain(stands) {
+        solids.place(&[pose, away]).unwrap();
+        updater.step_checked(&solids);
+    }
+    // One passes the other, which stands still, and leaves.
+    let still = Pose::at(DVec3::new(0.0, 0.0, 0.15));
+    let passes =
+        (0..40).map(|k| Pose::at(DVec3::new(0.0, 0.005 * f64::from(k) - 0.1, 0.3 - 0.005 * f64::from(k))));
+    for pose in passes.chain([away]) {
+        solids.place(&[still, pose]).unwrap();
+        updater.step_checked(&solids);
+    }
+}
+
 /// Nodes beside a cylinder are looked at again wherever it goes, not those near its rims alone.
 #[test]
 fn a_cylinder_leaves_no_trace() {

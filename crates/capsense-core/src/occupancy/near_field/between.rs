@@ -19,12 +19,15 @@ impl Scene<'_> {
     ) -> Coupling {
         let is_free = owners == [NO_OBJECT; 2];
         let mut coupling = covered;
+        // What the ends of plates change is in the weights that links were found for.
+        let by_ends = if is_free { self.end_factor(edge) } else { 1.0 };
+        coupling.through *= by_ends;
         if !is_free {
             // To a node in the conductor the edge itself is what others are linked by.
             coupling.through *= 1.0 - f64::from(wedges[0].share.max(wedges[1].share));
         }
         // The links were found for what surfaces on the edge make of it.
-        let missing = covered.through - cut.through;
+        let missing = by_ends * (covered.through - cut.through);
         let slopes = if is_free && missing != 0.0 { self.slopes(wedges, ends) } else { [0.0; 2] };
         for end in 0..2 {
             let AtWedge { object, share, link, .. } = *wedges[end];

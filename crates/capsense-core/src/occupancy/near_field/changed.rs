@@ -22,6 +22,18 @@ impl Wedges {
             changed.expect(3 * looked_at.start.saturating_sub(strides[2])..3 * looked_at.end);
             relinked.iter().for_each(|&node| changed.insert_expected(3 * node as usize + CARRIER));
         }
+        for &(node, sides) in self.rooms.iter().flat_map(|room| &room.near_ends) {
+            let node = node as usize;
+            for (axis, stride) in strides.into_iter().enumerate() {
+                let sides = sides >> (2 * axis);
+                if sides & 1 != 0 {
+                    changed.insert_expected(3 * (node - stride) + axis);
+                }
+                if sides & 2 != 0 {
+                    changed.insert_expected(3 * node + axis);
+                }
+            }
+        }
         for &(node, sides) in self.rooms.iter().flat_map(|room| &room.around) {
             let node = node as usize;
             // Others change only if they are not plain, or walls may pass beside them: beside both their ends.

@@ -21,11 +21,16 @@ impl Look<'_> {
     #[inline(always)]
     pub(super) fn neighbours(&self, star: &Star<'_>, object: u16) -> [[f64; NEIGHBOURS]; 2] {
         let (mut steps, mut weights) = ([0.0; NEIGHBOURS], [0.0; NEIGHBOURS]);
+        let has_ends = self.scene.has_ends;
         for axis in 0..3 {
             let area = star.area(axis);
             for side in 0..2 {
                 let (node, step) = star.step(axis, side);
-                let weight = area * star.inverse(axis, side);
+                let mut weight = area * star.inverse(axis, side);
+                if has_ends && weight > 0.0 {
+                    let below = if side == 0 { node } else { star.node };
+                    weight *= self.scene.end_factor(3 * below + axis);
+                }
                 steps[2 * axis + side] = step;
                 weights[2 * axis + side] = either(self.conductors[node] == object, 0.0, weight);
             }

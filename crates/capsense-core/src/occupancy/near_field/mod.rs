@@ -21,6 +21,8 @@ mod at_pose;
 mod between;
 mod cells;
 mod changed;
+mod end_table;
+mod ends;
 mod field;
 mod link;
 mod look;
@@ -32,13 +34,14 @@ mod star;
 
 pub use angles::{RightAngled, RightAngles};
 pub(crate) use at_pose::span_in_box;
+pub(super) use ends::{MORE_PLANES, PlateEnds};
 pub(super) use field::Places;
 pub use field::RightAngle;
 pub use round::Round;
 pub(super) use round::RoundNear;
 pub(super) use share::{Cells, part_within};
 use share::{Extent, share_of, share_of_round, smooth};
-pub(super) use star::{FAR_OFF_LATTICE, grown};
+pub(super) use star::{FAR_OFF_LATTICE, grown, grown_more};
 
 use super::coupling::Coupling;
 use super::index_set::IndexSet;
@@ -179,6 +182,8 @@ pub(super) struct Wedges {
     at: Vec<AtWedge>,
     /// Whether there are conductors. If not, nodes make nothing of anything.
     has_conductors: bool,
+    /// Whether ends of plates change weights.
+    has_ends: bool,
     stars: Stars,
     /// Nodes that are to be looked at.
     nodes: IndexSet,
@@ -209,9 +214,11 @@ impl Wedges {
         if !had_conductors && !self.has_conductors {
             return;
         }
+        let had_ends = std::mem::replace(&mut self.has_ends, scene.has_ends);
+        let has_ends = had_ends || scene.has_ends;
         let Self { at, stars, nodes, rooms, .. } = self;
         for region in regions {
-            let near = grown(scene.mesh.edges, region);
+            let near = grown_more(scene.mesh.edges, region, if has_ends { MORE_PLANES } else { 0 });
             lattice.for_rows_within(&near, |row| nodes.insert_all(row));
         }
         let tasks = workers.tasks(TASKS_OF_A_THREAD);
@@ -220,7 +227,7 @@ impl Wedges {
         let (mut first, mut rest) = (0, &mut at[..]);
         let tasks = IndexSet::cut([nodes], tasks).zip(rooms).map(move |(part, room)| {
             let own = rest.split_off_mut(..(part.end() - first).min(rest.len())).unwrap_or_default();
-            let nodes = NodesAnew { look, first, at: own, room };
+            let nodes = NodesAnew { look, first, at: own, room, has_ends };
             first = part.end();
             (nodes, part)
         });

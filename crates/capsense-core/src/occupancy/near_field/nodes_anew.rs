@@ -16,6 +16,8 @@ pub(super) struct NodesAnew<'a> {
     pub(super) first: usize,
     pub(super) at: &'a mut [AtWedge],
     pub(super) room: &'a mut Room,
+    /// Whether ends of plates change weights, or did.
+    pub(super) has_ends: bool,
 }
 
 /// Storage for one task.
@@ -30,6 +32,8 @@ pub(super) struct Room {
     /// Nodes whose share in the links of their edges changed, or that conductors have or had an edge beside, and which
     /// of their edges exist.
     pub(super) around: Vec<(u32, u8)>,
+    /// Nodes of whose edges ends of plates may have changed weights, in the same way.
+    pub(super) near_ends: Vec<(u32, u8)>,
 }
 
 impl Room {
@@ -37,6 +41,7 @@ impl Room {
     pub(super) fn forget(&mut self) {
         self.relinked.clear();
         self.around.clear();
+        self.near_ends.clear();
         self.looked_at = 0..0;
     }
 }
@@ -160,6 +165,9 @@ impl NodesAnew<'_> {
         }
         if !has_same_share || before.is_beside || now.is_beside {
             self.room.around.push((node as u32, sides));
+        }
+        if self.has_ends && (before.share > 0.0 || now.share > 0.0) {
+            self.room.near_ends.push((node as u32, sides));
         }
     }
 }

@@ -361,6 +361,11 @@ impl Cells for Star<'_> {
 
 /// A region with all that is less than [`Cells::far`] cells away, none of which is larger than edges are long.
 pub(in super::super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
+    grown_more(edges, region, 0)
+}
+
+/// The same with so many planes more, if there are any.
+pub(in super::super) fn grown_more(edges: &Edges, region: &Aabb, more: usize) -> Aabb {
     let mut grown = *region;
     let lattice = match edges {
         Edges::Lattice(lattice) => lattice,
@@ -370,8 +375,8 @@ pub(in super::super) fn grown(edges: &Edges, region: &Aabb) -> Aabb {
         }
     };
     for (axis, planes) in lattice.axes().iter().enumerate() {
-        let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(PLANES);
-        let last = planes.partition_point(|&plane| plane <= region.max[axis]) + PLANES;
+        let first = planes.partition_point(|&plane| plane < region.min[axis]).saturating_sub(PLANES + more);
+        let last = planes.partition_point(|&plane| plane <= region.max[axis]) + PLANES + more;
         grown.min[axis] = planes[first].min(region.min[axis]);
         grown.max[axis] = planes[last.min(planes.len()) - 1].max(region.max[axis]);
     }

@@ -108,6 +108,8 @@ mod tests {
             surfaces: &solids,
             bounds: &bounds,
             fields,
+            ends: &[],
+            has_ends: false,
             cells: cells.as_ref(),
             has_lines: true,
             has_silhouettes: true,

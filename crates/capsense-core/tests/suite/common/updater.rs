@@ -89,6 +89,15 @@ impl<'a> Updater<'a> {
     pub fn assert_is_fresh(&self, surfaces: &dyn Surfaces) {
         let mut fresh = Self::of(self.interface, self.sensor, &self.materials);
         fresh.step(surfaces);
+        let pairs = (0..).zip(self.occupancy.couplings().zip(fresh.occupancy.couplings()));
+        for (edge, (own, fresh)) in pairs.take(self.network.edges().len()) {
+            let ends = self
+                .network
+                .edges()
+                .ends(edge)
+                .map(|ends| ends.map(|node| self.sensor.mesh().nodes()[node as usize]));
+            assert_eq!(own, fresh, "edge {edge}: {ends:?}");
+        }
         assert!(self.state() == fresh.state(), "differs from a fresh build");
         let linked = (0..).zip(self.occupancy.couplings()).filter(|(_, c)| c.is_linked());
         assert!(linked.map(|(edge, _)| edge).eq(self.occupancy.linked_edges().iter().copied()));
