@@ -89,15 +89,12 @@ impl PlateEnds {
         if above >= rows.len() {
             return None;
         }
-        let height = (rows[above] - rows[below]) / (above - below) as f64;
+        let (height, place) = height_and_place(rows, centre[axis])?;
         let thickness = 2.0 * half[thin] / height;
         let counts = rising(LEVEL, normal[axis]) * (1.0 - rising(THIN, thickness));
         if counts == 0.0 {
             return None;
         }
-        // From the nearest row, upwards.
-        let ways = rows[below..=above].iter().map(|row| (centre[axis] - row) / height);
-        let place = ways.min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         let others = [(thin + 1) % 3, (thin + 2) % 3];
         Some(Self {
             object,
@@ -111,7 +108,7 @@ impl PlateEnds {
             height,
             first: [faces[0] - rows[below], rows[above] - faces[1]]
                 .map(|gap| (gap / (RAMP * height)).min(1.0)),
-            numbers: numbers(thickness, place.clamp(-0.5, 0.5)).map(|of_width| of_width.map(|y| counts * y)),
+            numbers: numbers(thickness, place).map(|of_width| of_width.map(|y| counts * y)),
         })
     }
 
@@ -240,6 +237,20 @@ fn cells_to(planes: &[f64], plane: usize, way: f64) -> f64 {
     if left > 0.0 { COUNTED as f64 } else { 0.0 }
 }
 
+/// How high cells are at a height, without jumps from one to the next, and how far that is above the nearest row, in parts of the cell that it is
+/// in.
+fn height_and_place(rows: &[f64], at: f64) -> Option<(f64, f64)> {
+    let above = rows.partition_point(|&row| row <= at);
+    let below = above.checked_sub(1)?;
+    let of_row = |row: usize| {
+        let (low, high) = (row.saturating_sub(1), (row + 1).min(rows.len() - 1));
+        (rows[high] - rows[low]) / (high - low) as f64
+    };
+    let part = (at - rows[below]) / (rows.get(above)? - rows[below]);
+    let place = if part < 0.5 { part } else { part - 1.0 };
+    Some((of_row(below) + part * (of_row(above) - of_row(below)), place))
+}
+
 /// How much an edge is one of those in or beyond the first rows, less than nothing below the plate, and how much it passes the plate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Part {
@@ -326,10 +337,19 @@ mod tests {
     use super::*;
     use glam::{DAffine3, DQuat};
 
+    fn planes(count: usize, spacing: f64) -> Vec<f64> {
+        (0..count).map(|k| spacing * k as f64).collect()
+    }
+
     /// Cells 15 mm wide and 27 mm high.
     fn lattice() -> Lattice {
-        let planes = |count: usize, spacing: f64| (0..count).map(|k| spacing * k as f64).collect::<Vec<_>>();
         Lattice::new([planes(21, 0.015), planes(21, 0.015), planes(13, 0.027)]).unwrap()
+    }
+
+    /// The same with other cells above and to one side.
+    fn graded() -> Lattice {
+        let grown = |planes: Vec<f64>| planes.iter().map(|at| at + 1.3 * at * at).collect::<Vec<_>>();
+        Lattice::new([grown(planes(17, 0.015)), planes(21, 0.015), grown(planes(10, 0.024))]).unwrap()
     }
 
     fn ends(lattice: &Lattice, rotation: DQuat, centre: DVec3, size: DVec3) -> Option<PlateEnds> {
@@ -355,7 +375,12 @@ mod tests {
     /// No weight jumps as a plate moves, turns and tilts, and all stay positive.
     #[test]
     fn factors_are_continuous_in_the_pose() {
-        let lattice = lattice();
+        for lattice in [lattice(), graded()] {
+            assert_continuous(&lattice);
+        }
+    }
+
+    fn assert_continuous(lattice: &Lattice) {
         let step = 1e-5;
         let centre = DVec3::new(0.151, 0.147, 0.162);
         let upwards = |k: f64| (DQuat::IDENTITY, centre + k * DVec3::Z);
@@ -368,7 +393,7 @@ mod tests {
             for at in (0..60).map(|k| 0.0009 * f64::from(k)) {
                 let [before, after] = [at, at + step].map(|at| {
                     let (rotation, centre) = way(at);
-                    factors(&lattice, ends(&lattice, rotation, centre, PLATE))
+                    factors(lattice, ends(lattice, rotation, centre, PLATE))
                 });
                 for (before, after) in before.iter().zip(&after) {
                     assert!(*before >= LEAST && *after >= LEAST);
