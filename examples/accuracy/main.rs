@@ -11,6 +11,7 @@
 //! cargo run --release --example accuracy -- bars         # error bars against errors; --quick for small lattices
 //! cargo run --release --example accuracy -- layouts      # lattices for electrodes of many layouts; --quick, --only NAME
 //! cargo run --release --example accuracy -- meshes       # what tolerances cost on each kind of mesh; --quick for two of three
+//! cargo run --release --example accuracy -- ends         # factors of weights near ends of thin plates; --errors, --quick
 //! ```
 
 mod bars;
@@ -18,6 +19,7 @@ mod cases;
 mod continuity;
 mod converge;
 mod domain;
+mod ends;
 mod fitted;
 mod layouts;
 mod measure;
@@ -26,6 +28,7 @@ mod plates;
 mod plot;
 mod references;
 mod rims;
+mod section;
 mod statistics;
 mod table;
 
@@ -52,6 +55,7 @@ enum Command {
     Fitted(fitted::FittedArguments),
     Layouts(layouts::LayoutsArguments),
     Meshes(meshes::MeshesArguments),
+    Ends(ends::EndsArguments),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -67,5 +71,6 @@ fn main() -> anyhow::Result<()> {
         Some(Command::Fitted(arguments)) => fitted::fitted(&arguments),
         Some(Command::Layouts(arguments)) => layouts::layouts(&arguments),
         Some(Command::Meshes(arguments)) => meshes::meshes(&arguments),
+        Some(Command::Ends(arguments)) => ends::ends(&arguments),
     }
 }

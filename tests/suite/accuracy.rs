@@ -2,11 +2,14 @@
 
 use crate::cases::{Body, CONNECTIONS, ENTRIES, Entries, bodies, few_bodies, stripes};
 use crate::continuity::{CENTROID, SOLID, WAYS, curve};
+use crate::ends::{Changes, Grading, Study};
 use crate::measure::measure;
 use crate::references::References;
+use crate::section::{Field, Plate, Section};
 use crate::statistics::Statistics;
 use crate::{fitted, plot, rims};
 use capsense::core::sensor::Sensor;
+use std::f64::consts::PI;
 
 #[test]
 fn every_body_has_its_references() {
@@ -99,4 +102,41 @@ fn references_of_plates_are_exact() {
     let half_filled = rims::on_board().into_iter().find(|case| case.name == "down to the wall").unwrap();
     let ratio = half_filled.reference(8) / rims::in_air()[0].reference(8);
     assert!((ratio / 2.7 - 1.0).abs() < 1e-12, "{ratio}");
+}
+
+/// A square of side 1 outside of which all is as outside a disk of radius Γ(1/4)²/(4π^(3/2)), as far as uniform fields are
+/// concerned; grounded or not, as it is in the middle.
+#[test]
+fn squares_between_planes_of_sections_respond_as_they_should() {
+    let right = PI * (3.625_609_908_f64.powi(2) / (4.0 * PI.powf(1.5))).powi(2);
+    let planes = |from: i32| (from..=40).map(f64::from).collect::<Vec<_>>();
+    let empty = Section::new([planes(0), planes(-40)]);
+    let energies = |section: &Section| section.energies(&[Field::Uniform]);
+    let without = energies(&empty).floating[0];
+    assert!((without - 40.0 * 80.0).abs() < 1e-6, "{without}");
+    for (end, middle) in [(2.5, 0.5), (2.65, 0.0), (2.65, 0.3), (2.9, 0.45)] {
+        let plate = Plate { end, bottom: middle - end, top: middle + end };
+        let mut section = empty.clone();
+        section.insert(plate);
+        section.link_near_end(plate, 1.0);
+        let floating = (energies(&section).floating[0] - without) / (2.0 * end).powi(2);
+        assert!((floating / right - 1.0).abs() < 0.02, "{end} {middle}: {floating} {right}");
+    }
+}
+
+/// With coarse references, which antisymmetric errors hardly depend on.
+#[test]
+fn changed_weights_make_ends_of_plates_more_exact() {
+    let study = Study::new(1.0, 0.35, Grading { finest: 0.04, growth: 0.2 });
+    for place in [0.1, 0.3] {
+        let [before, after] = [Changes::ZERO, study.fit(place)].map(|changes| study.pair(place, changes));
+        let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        for waves in [1..3, 5..7] {
+            let [before, after] = [&before, &after].map(|pair| largest(&pair.antisymmetric()[waves.clone()]));
+            assert!(after < 0.4 * before, "{place}, {waves:?}: {before} and {after} %");
+        }
+        assert!(after.symmetric()[0].abs() < 1.0, "{place}: {} %", after.symmetric()[0]);
+    }
+    let [on, between] = [0.0, 0.5].map(|place| study.fit(place));
+    assert!([on.x, on.y, between.x, between.y].iter().all(|change| *change == 0.0));
 }

@@ -42,6 +42,9 @@ mod cases;
 #[path = "../../examples/accuracy/continuity.rs"]
 mod continuity;
 #[allow(dead_code)]
+#[path = "../../examples/accuracy/ends.rs"]
+mod ends;
+#[allow(dead_code)]
 #[path = "../../examples/accuracy/fitted.rs"]
 mod fitted;
 #[allow(dead_code)]
@@ -59,6 +62,9 @@ mod references;
 #[allow(dead_code)]
 #[path = "../../examples/accuracy/rims.rs"]
 mod rims;
+#[allow(dead_code)]
+#[path = "../../examples/accuracy/section.rs"]
+mod section;
 #[allow(dead_code)]
 #[path = "../../examples/accuracy/statistics.rs"]
 mod statistics;
