@@ -98,7 +98,7 @@ pub(super) struct Changes {
     /// What is known of the field around each.
     fields: Vec<KnownField>,
     /// Of each that is a plate, what its ends change.
-    ends: Vec<Option<PlateEnds>>,
+    ends: Vec<PlateEnds>,
     materials: Vec<Material>,
     earlier: Earlier,
     regions: Regions,
@@ -140,11 +140,10 @@ impl Changes {
         }
         self.fields.clear();
         self.fields.extend((0..materials.len()).map(|object| KnownField::around(surfaces, object)));
-        let of_objects = materials.iter().zip(&self.fields).enumerate();
-        self.ends.clear();
-        self.ends.extend(
-            of_objects.map(|(object, (material, field))| PlateEnds::of(object, mesh.edges, material, field)),
-        );
+        self.ends.resize_with(materials.len(), PlateEnds::default);
+        for (object, ends) in self.ends.iter_mut().enumerate() {
+            ends.take(object, mesh.edges, &materials[object], &self.fields[object]);
+        }
         // From below, so that what is met on the way mostly is met in order.
         regions.boxes.sort_unstable_by(|a, b| a.min.z.total_cmp(&b.min.z));
         self.planes.clear();
@@ -164,7 +163,7 @@ impl Changes {
     }
 
     /// What the ends of each object change, if it is a plate.
-    pub(super) fn ends(&self) -> &[Option<PlateEnds>] {
+    pub(super) fn ends(&self) -> &[PlateEnds] {
         &self.ends
     }
 

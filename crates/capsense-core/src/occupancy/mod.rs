@@ -280,7 +280,7 @@ impl Occupancy {
             bounds,
             fields,
             ends,
-            has_ends: has_silhouettes && ends.iter().any(Option::is_some),
+            has_ends: has_silhouettes && ends.iter().any(|ends| ends.are_of_use),
             cells: cells.as_ref(),
             has_lines: beside != Beside::Nowhere,
             has_silhouettes,

@@ -18,7 +18,7 @@ pub(super) struct Scene<'a> {
     /// What is known of the field around each object.
     pub(super) fields: &'a [KnownField],
     /// What the ends of each object change, if it is a plate, and whether any do.
-    pub(super) ends: &'a [Option<PlateEnds>],
+    pub(super) ends: &'a [PlateEnds],
     pub(super) has_ends: bool,
     /// The relative permittivity of each cell of a lattice without objects, where it is known not to be the same everywhere.
     pub(super) cells: Option<&'a Background>,
@@ -91,7 +91,7 @@ impl Scene<'_> {
     pub(super) fn end_factor(&self, edge: usize) -> f64 {
         match self.mesh.edges {
             Edges::Lattice(lattice) if self.has_ends => {
-                let ends = self.ends.iter().flatten();
+                let ends = self.ends.iter().filter(|ends| ends.are_of_use);
                 ends.map(|ends| ends.factor(lattice, edge, self.bounds)).product()
             }
             _ => 1.0,

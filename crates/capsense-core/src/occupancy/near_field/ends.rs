@@ -37,46 +37,216 @@ const CORNER: f64 = 0.25;
 /// Other bodies count from so many cells on, and all that is nearer than the first.
 const OTHERS: Range<f64> = 1.0..1.6;
 
-/// A plate whose ends change weights.
-#[derive(Clone, Copy, Debug)]
+/// What the ends of an object change, if it is such a plate.
+#[derive(Clone, Debug, Default)]
 pub(in super::super) struct PlateEnds {
+    /// Whether they change anything.
+    pub(in super::super) are_of_use: bool,
     object: usize,
-    /// The axis of the lattice across it.
+    /// The axis of the lattice across the plate, and those along it.
     axis: usize,
-    centre: DVec3,
-    /// The directions of its sides, and half its extents along these.
-    sides: [DVec3; 2],
-    half: [f64; 2],
+    along: [usize; 2],
     thickness: f64,
     /// Where its faces are along the axis, and the first planes of nodes beyond them.
     faces: [f64; 2],
     planes: [usize; 2],
-    /// The height of a cell, and how much the first planes count; the next ones count for the rest.
-    height: f64,
+    /// How much these count; the next ones count for the rest.
     first: [f64; 2],
-    /// For cells as wide over their height as [`WIDTHS`].
-    numbers: [Numbers; WIDTHS.len()],
+    /// Around the plate, the planes along it that nodes are in, and for each of their columns where the nearest end is and what it changes.
+    near: [Range<usize>; 2],
+    ends: Vec<End>,
+    changes: Vec<Changes>,
+}
+
+/// What edges of the nodes in a column across the plate are changed by.
+#[derive(Clone, Copy, Debug, Default)]
+struct Changes {
+    /// Those across the plate, beyond the first rows, and those that pass it.
+    across: f64,
+    passing: f64,
+    /// Those in the first rows, upwards along either axis: against each other on either side of the plate, and alike.
+    lean: [f64; 2],
+    both: [f64; 2],
 }
 
 impl PlateEnds {
-    /// Those of an object, if it is such a plate, in a lattice.
-    pub(in super::super) fn of(
+    /// Takes an object at a pose, in a lattice.
+    pub(in super::super) fn take(
+        &mut self,
         object: usize,
         edges: &Edges,
         material: &Material,
         field: &KnownField,
-    ) -> Option<Self> {
-        let Edges::Lattice(lattice) = edges else { return None };
-        let (angles, half) = field.of_box()?;
-        match material {
-            Material::Conductor(Connection::Floating | Connection::Capacitance(_)) => {
-                Self::of_box(object, lattice, angles, half)
+    ) {
+        self.are_of_use = false;
+        let Edges::Lattice(lattice) = edges else { return };
+        let Some((angles, half)) = field.of_box() else { return };
+        let Material::Conductor(Connection::Floating | Connection::Capacitance(_)) = material else { return };
+        let Some(plate) = Plate::of(lattice, angles, half) else { return };
+        self.object = object;
+        self.take_rows(lattice, &plate);
+        self.take_columns(lattice, &plate);
+        self.are_of_use = true;
+    }
+
+    fn take_rows(&mut self, lattice: &Lattice, plate: &Plate) {
+        let Plate { axis, thickness, height, faces, planes: [below, above], .. } = *plate;
+        let rows = &lattice.axes()[axis];
+        let gaps = [faces[0] - rows[below], rows[above] - faces[1]];
+        (self.axis, self.along) = (axis, [(axis + 1) % 3, (axis + 2) % 3]);
+        (self.thickness, self.faces, self.planes) = (thickness, faces, plate.planes);
+        self.first = gaps.map(|gap| (gap / (RAMP * height)).min(1.0));
+    }
+
+    fn take_columns(&mut self, lattice: &Lattice, plate: &Plate) {
+        let axes = self.along.map(|axis| &lattice.axes()[axis]);
+        self.near = [0, 1].map(|k: usize| {
+            let axis = self.along[k];
+            let reach =
+                plate.sides[0][axis].abs() * plate.half[0] + plate.sides[1][axis].abs() * plate.half[1];
+            let [low, high] = [-reach, reach].map(|reach| plate.centre[axis] + reach);
+            let first = axes[k].partition_point(|&at| at < low).saturating_sub(COUNTED);
+            let last = axes[k].partition_point(|&at| at <= high) + COUNTED;
+            first..last.min(axes[k].len())
+        });
+        let [firsts, seconds] = self.near.clone();
+        let mut place = DVec3::ZERO;
+        self.ends.clear();
+        for second in seconds.clone() {
+            for first in firsts.clone() {
+                (place[self.along[0]], place[self.along[1]]) = (axes[0][first], axes[1][second]);
+                let mut end = plate.end_at(place);
+                let way = -end.outside * end.normal;
+                let cells = |k: usize| cells_to(axes[k], [first, second][k], way[self.along[k]]);
+                end.outside = cells(0).max(cells(1)).copysign(end.outside);
+                self.ends.push(end);
             }
-            _ => None,
+        }
+        self.changes.clear();
+        for second in seconds.clone() {
+            for first in firsts.clone() {
+                let cell = [spacing(axes[0], first), spacing(axes[1], second)];
+                let at = self.changes.len();
+                let mut changes = plate.of_column(&self.ends[at], self.along, cell);
+                let steps = [(first + 1 < firsts.end, 1), (second + 1 < seconds.end, firsts.len())];
+                for (k, (_, step)) in steps.into_iter().enumerate().filter(|(_, (exists, _))| *exists) {
+                    let mut cell = cell;
+                    cell[k] = [axes[0], axes[1]][k][[first, second][k] + 1] - axes[k][[first, second][k]];
+                    let ends = [&self.ends[at], &self.ends[at + step]];
+                    (changes.lean[k], changes.both[k]) = plate.of_edge(ends, self.along, k, cell);
+                }
+                self.changes.push(changes);
+            }
         }
     }
 
-    fn of_box(object: usize, lattice: &Lattice, angles: &RightAngles, half: DVec3) -> Option<Self> {
+    /// What multiplies the weight of an edge, other bodies being within these bounds.
+    pub(in super::super) fn factor(&self, lattice: &Lattice, edge: usize, bounds: &[Aabb]) -> f64 {
+        let (place, along) = (lattice.node_place(edge / 3), edge % 3);
+        let [firsts, seconds] = &self.near;
+        let [first, second] = self.along.map(|axis| place[axis]);
+        if !firsts.contains(&first) || !seconds.contains(&second) {
+            return 1.0;
+        }
+        let part = self.part(lattice, place, along);
+        if part == Part::default() {
+            return 1.0;
+        }
+        let changes = &self.changes[(second - seconds.start) * firsts.len() + (first - firsts.start)];
+        let change = match self.along.iter().position(|axis| *axis == along) {
+            Some(k) => part.lean * changes.lean[k] + part.lean.abs() * changes.both[k],
+            None => part.lean * changes.across + part.passing * changes.passing,
+        };
+        let alone =
+            if bounds.len() > 1 && change != 0.0 { self.alone(lattice, place, along, bounds) } else { 1.0 };
+        (1.0 + alone * change).max(LEAST)
+    }
+
+    /// How an edge is to the plate's faces.
+    fn part(&self, lattice: &Lattice, place: [usize; 3], along: usize) -> Part {
+        let row = place[self.axis];
+        let [below, above] = self.planes;
+        let [first_below, first_above] = self.first;
+        if along != self.axis {
+            let lean = of_rows(row, above, first_above) - of_rows(below, row, first_below);
+            return Part { lean, passing: 0.0 };
+        }
+        let rows = &lattice.axes()[self.axis];
+        let Some(&next) = rows.get(row + 1) else { return Part::default() };
+        if row + 1 > below && row < above {
+            let overlap = self.faces[1].min(next) - self.faces[0].max(rows[row]);
+            return Part { lean: 0.0, passing: (overlap / (RAMP * self.thickness)).clamp(0.0, 1.0) };
+        }
+        Part { lean: of_rows(row, above, first_above) - of_rows(below, row + 1, first_below), passing: 0.0 }
+    }
+
+    /// How much an edge counts beside other bodies.
+    fn alone(&self, lattice: &Lattice, place: [usize; 3], along: usize, bounds: &[Aabb]) -> f64 {
+        let axes = lattice.axes();
+        let mut next = place;
+        next[along] += 1;
+        let others = bounds.iter().enumerate().filter(|(other, _)| *other != self.object);
+        others.fold(1.0, |alone, (_, other)| {
+            // Of the farther end, so that nodes at both are near whatever counts.
+            let away = [place, next].map(|place| {
+                let cells = |axis: usize| {
+                    let at = axes[axis][place[axis]];
+                    let nearest = at.clamp(other.min[axis], other.max[axis]);
+                    cells_to(&axes[axis], place[axis], nearest - at)
+                };
+                cells(0).max(cells(1)).max(cells(2))
+            });
+            f64::min(alone, rising(OTHERS, away[0].max(away[1])))
+        })
+    }
+}
+
+/// How much an edge is one of those in or beyond the first rows, less than nothing below the plate, and how much it passes the plate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Part {
+    lean: f64,
+    passing: f64,
+}
+
+/// How much a row counts that is as many rows from the first as these differ.
+fn of_rows(row: usize, from: usize, first: f64) -> f64 {
+    match row.checked_sub(from) {
+        Some(0) => first,
+        Some(1) => 1.0 - first,
+        _ => 0.0,
+    }
+}
+
+/// The end of a plate that is nearest to a place.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    /// How far outside the place is, in metres or in cells; less than nothing within the plate.
+    outside: f64,
+    /// Away from the end, along the plate.
+    normal: DVec3,
+}
+
+/// A plate in a lattice.
+struct Plate {
+    /// The axis of the lattice across it.
+    axis: usize,
+    centre: DVec3,
+    /// The directions of its sides, along the lattice's other axes, and half its extents along these.
+    sides: [DVec3; 2],
+    half: [f64; 2],
+    thickness: f64,
+    faces: [f64; 2],
+    /// The first planes of nodes beyond the faces.
+    planes: [usize; 2],
+    /// The height of a cell.
+    height: f64,
+    /// For cells as wide over their height as [`WIDTHS`].
+    numbers: [Numbers; WIDTHS.len()],
+}
+
+impl Plate {
+    /// `None` for boxes whose ends change nothing.
+    fn of(lattice: &Lattice, angles: &RightAngles, half: DVec3) -> Option<Self> {
         let thin = (0..3).min_by(|&a, &b| half[a].total_cmp(&half[b]))?;
         let turn = &angles.sensor_from_object.matrix3;
         let normal = turn.col(thin).abs();
@@ -96,85 +266,31 @@ impl PlateEnds {
             return None;
         }
         let others = [(thin + 1) % 3, (thin + 2) % 3];
+        let side = |side: usize| {
+            let mut direction = turn.col(side);
+            direction[axis] = 0.0;
+            direction.normalize_or_zero()
+        };
         Some(Self {
-            object,
             axis,
             centre,
-            sides: others.map(|side| turn.col(side)),
+            sides: others.map(side),
             half: others.map(|side| half[side]),
             thickness: 2.0 * half[thin],
             faces,
             planes: [below, above],
             height,
-            first: [faces[0] - rows[below], rows[above] - faces[1]]
-                .map(|gap| (gap / (RAMP * height)).min(1.0)),
             numbers: numbers(thickness, place).map(|of_width| of_width.map(|y| counts * y)),
         })
     }
 
-    /// What multiplies the weight of an edge, other bodies being within these bounds.
-    pub(in super::super) fn factor(&self, lattice: &Lattice, edge: usize, bounds: &[Aabb]) -> f64 {
-        let (place, along) = (lattice.node_place(edge / 3), edge % 3);
-        let part = self.part(lattice, place, along);
-        if part == Part::default() {
-            return 1.0;
-        }
-        let Some(spot) = Spot::of(lattice, place, along) else { return 1.0 };
-        let [first, second] = spot.ends.map(|(place, end)| self.cells_outside(lattice, place, end));
-        let outside = 0.5 * (first + second);
-        let beside = |middle: f64, reach: f64| (1.0 - (outside - middle).abs() / reach).max(0.0);
-        let End { normal, .. } = self.end_at(spot.middle);
-        let width = normal.abs().dot(spot.cell);
-        let [lean_across, lean_along, passing, both] = self.numbers_of_width(width / self.height);
-        let change = if along == self.axis {
-            let past = 1.25 * outside.min(1.6 - outside).max(0.0);
-            lean_across * part.lean * beside(0.5, 1.0) + passing * part.passing * past
-        } else {
-            // As much of either axis as gives the direction away from the end all of it.
-            let share = normal[along].powi(2) / normal.to_array().iter().map(|n| n.powi(4)).sum::<f64>();
-            share * (lean_along * part.lean * beside(-0.3, 1.25) + both * part.lean.abs() * beside(0.0, 1.0))
-        };
-        let narrowest = 2.0 * self.half[0].min(self.half[1]);
-        let counts = (narrowest / (2.0 * self.thickness.max(width)) - 1.0).clamp(0.0, 1.0);
-        (1.0 + counts * self.alone(lattice, &spot, bounds) * change).max(LEAST)
-    }
-
-    /// How an edge is to the plate's faces.
-    fn part(&self, lattice: &Lattice, place: [usize; 3], along: usize) -> Part {
-        let row = place[self.axis];
-        let [below, above] = self.planes;
-        let [first_below, first_above] = self.first;
-        if along != self.axis {
-            return Part {
-                lean: of_rows(row, above, first_above) - of_rows(below, row, first_below),
-                passing: 0.0,
-            };
-        }
-        let rows = &lattice.axes()[self.axis];
-        let Some(&next) = rows.get(row + 1) else { return Part::default() };
-        if row + 1 > below && row < above {
-            let overlap = self.faces[1].min(next) - self.faces[0].max(rows[row]);
-            return Part { lean: 0.0, passing: (overlap / (RAMP * self.thickness)).clamp(0.0, 1.0) };
-        }
-        Part { lean: of_rows(row, above, first_above) - of_rows(below, row + 1, first_below), passing: 0.0 }
-    }
-
-    /// How many cells a node is outside of the nearest end, less than nothing within the plate.
-    fn cells_outside(&self, lattice: &Lattice, place: [usize; 3], node: DVec3) -> f64 {
-        let End { distance, normal } = self.end_at(node);
-        let way = -distance * normal;
-        let cells = |axis: usize| cells_to(&lattice.axes()[axis], place[axis], way[axis]);
-        cells(0).max(cells(1)).max(cells(2)).copysign(distance)
-    }
-
-    /// The end that is nearest to a place.
+    /// The end that is nearest to a place along the plate, and how many metres outside that is.
     fn end_at(&self, place: DVec3) -> End {
-        let way = place - self.centre;
-        let along = self.sides.map(|side| side.dot(way));
+        let along = self.sides.map(|side| side.dot(place) - side.dot(self.centre));
         let beyond = [0, 1].map(|side| along[side].abs() - self.half[side]);
         let outwards = [0, 1].map(|side| self.sides[side] * 1.0_f64.copysign(along[side]));
         let [first, second] = beyond;
-        let (distance, parts) = match (first > 0.0, second > 0.0) {
+        let (outside, parts) = match (first > 0.0, second > 0.0) {
             (true, true) => (first.hypot(second), [first, second]),
             (true, false) => (first, [1.0, 0.0]),
             (false, true) => (second, [0.0, 1.0]),
@@ -188,53 +304,54 @@ impl PlateEnds {
             }
         };
         let length = parts[0].hypot(parts[1]);
-        let mut normal = (parts[0] / length) * outwards[0] + (parts[1] / length) * outwards[1];
-        normal[self.axis] = 0.0;
-        End { distance, normal }
+        End { outside, normal: (parts[0] / length) * outwards[0] + (parts[1] / length) * outwards[1] }
     }
 
+    /// What edges across the plate are changed by, where the nearest end is so many cells away and cells have such widths.
+    fn of_column(&self, end: &End, along: [usize; 2], cell: [f64; 2]) -> Changes {
+        let width = along.iter().zip(cell).map(|(&axis, cell)| end.normal[axis].abs() * cell).sum();
+        let [across, _, passing, _] = self.numbers_of_width(width);
+        let past = 1.25 * end.outside.min(1.6 - end.outside).max(0.0);
+        Changes {
+            across: across * beside(end.outside, 0.5, 1.0),
+            passing: passing * past,
+            ..Changes::default()
+        }
+    }
+
+    /// What an edge along one of two axes is changed by, on either side of the plate and on both, between nodes where these ends are the nearest.
+    fn of_edge(&self, ends: [&End; 2], along: [usize; 2], upwards: usize, cell: [f64; 2]) -> (f64, f64) {
+        let outside = 0.5 * (ends[0].outside + ends[1].outside);
+        let squares = along.map(|axis| (0.5 * (ends[0].normal[axis] + ends[1].normal[axis])).powi(2));
+        let (length, fourth) = (squares[0] + squares[1], squares[0].powi(2) + squares[1].powi(2));
+        if fourth == 0.0 {
+            return (0.0, 0.0);
+        }
+        let width = squares.iter().zip(cell).map(|(square, cell)| (square / length).sqrt() * cell).sum();
+        let [_, lean, _, both] = self.numbers_of_width(width);
+        // As much of either axis as gives the direction away from the end all of it.
+        let share = squares[upwards] * length / fourth;
+        (share * lean * beside(outside, -0.3, 1.25), share * both * beside(outside, 0.0, 1.0))
+    }
+
+    /// The numbers where cells have a width away from the end.
     fn numbers_of_width(&self, width: f64) -> Numbers {
-        let part = ((width - WIDTHS[0]) / (WIDTHS[1] - WIDTHS[0])).clamp(0.0, 1.0);
-        between(&self.numbers[0], &self.numbers[1], part)
-    }
-
-    /// How much an edge counts beside other bodies.
-    fn alone(&self, lattice: &Lattice, spot: &Spot, bounds: &[Aabb]) -> f64 {
-        let others = bounds.iter().enumerate().filter(|(other, _)| *other != self.object);
-        others.fold(1.0, |alone, (_, other)| {
-            // Of the farther end, so that nodes at both are near whatever counts.
-            let away = spot.ends.map(|(place, end)| {
-                let way = end.clamp(other.min, other.max) - end;
-                let cells = |axis: usize| cells_to(&lattice.axes()[axis], place[axis], way[axis]);
-                cells(0).max(cells(1)).max(cells(2))
-            });
-            f64::min(alone, rising(OTHERS, away[0].max(away[1])))
-        })
+        let part = rising(WIDTHS[0]..WIDTHS[1], width / self.height);
+        let narrowest = 2.0 * self.half[0].min(self.half[1]);
+        let counts = (narrowest / (2.0 * self.thickness.max(width)) - 1.0).clamp(0.0, 1.0);
+        between(&self.numbers[0], &self.numbers[1], part).map(|y| counts * y)
     }
 }
 
-/// Nodes so many planes further from the edges of a plate than those with links are looked at as it moves.
-pub(in super::super) const MORE_PLANES: usize = 1;
+/// From nothing to one about a place, and back.
+fn beside(at: f64, middle: f64, reach: f64) -> f64 {
+    (1.0 - (at - middle).abs() / reach).max(0.0)
+}
 
-/// So many cells are counted: nodes that are so many planes away are looked at.
-const COUNTED: isize = 3;
-
-/// Cells from a plane to what is so far above or below.
-fn cells_to(planes: &[f64], plane: usize, way: f64) -> f64 {
-    let step = if way > 0.0 { 1 } else { -1 };
-    let size = |cells: isize| {
-        let [near, far] = [cells, cells + 1].map(|cells| plane.checked_add_signed(step * cells));
-        Some((planes.get(far?)? - planes.get(near?)?).abs())
-    };
-    let mut left = way.abs();
-    for cells in 0..COUNTED {
-        match size(cells) {
-            Some(size) if left > size => left -= size,
-            Some(size) => return cells as f64 + left / size,
-            None => break,
-        }
-    }
-    if left > 0.0 { COUNTED as f64 } else { 0.0 }
+/// How far it is from plane to plane around one.
+fn spacing(planes: &[f64], plane: usize) -> f64 {
+    let (low, high) = (plane.saturating_sub(1), (plane + 1).min(planes.len() - 1));
+    (planes[high] - planes[low]) / (high - low) as f64
 }
 
 /// How high cells are at a height, without jumps from one to the next, and how far that is above the nearest row, in parts of the cell that it is
@@ -251,56 +368,28 @@ fn height_and_place(rows: &[f64], at: f64) -> Option<(f64, f64)> {
     Some((of_row(below) + part * (of_row(above) - of_row(below)), place))
 }
 
-/// How much an edge is one of those in or beyond the first rows, less than nothing below the plate, and how much it passes the plate.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Part {
-    lean: f64,
-    passing: f64,
-}
+/// Nodes so many planes further from the edges of a plate than those with links are looked at as it moves.
+pub(in super::super) const MORE_PLANES: usize = 1;
 
-/// How much a row counts that is as many rows from the first as these differ.
-fn of_rows(row: usize, from: usize, first: f64) -> f64 {
-    match row.checked_sub(from) {
-        Some(0) => first,
-        Some(1) => 1.0 - first,
-        _ => 0.0,
+/// So many cells are counted: nodes that are so many planes away are looked at.
+const COUNTED: usize = 3;
+
+/// Cells from a plane to what is so far above or below.
+fn cells_to(planes: &[f64], plane: usize, way: f64) -> f64 {
+    let neighbour = |cells: usize| match way > 0.0 {
+        true => planes.get(plane + cells),
+        false => plane.checked_sub(cells).map(|plane| &planes[plane]),
+    };
+    let mut left = way.abs();
+    for cells in 0..COUNTED {
+        let (Some(near), Some(far)) = (neighbour(cells), neighbour(cells + 1)) else { break };
+        let size = (far - near).abs();
+        if left <= size {
+            return cells as f64 + left / size;
+        }
+        left -= size;
     }
-}
-
-/// Where an edge is, and how large cells are there along each axis.
-struct Spot {
-    /// Its nodes, by their planes and where they are.
-    ends: [([usize; 3], DVec3); 2],
-    middle: DVec3,
-    cell: DVec3,
-}
-
-impl Spot {
-    fn of(lattice: &Lattice, place: [usize; 3], along: usize) -> Option<Self> {
-        let axes = lattice.axes();
-        let from = DVec3::from_array([0, 1, 2].map(|axis: usize| axes[axis][place[axis]]));
-        let mut to = from;
-        to[along] = *axes[along].get(place[along] + 1)?;
-        let cell = [0, 1, 2].map(|axis: usize| {
-            if axis == along {
-                return to[axis] - from[axis];
-            }
-            let (low, high) = (place[axis].saturating_sub(1), (place[axis] + 1).min(axes[axis].len() - 1));
-            (axes[axis][high] - axes[axis][low]) / (high - low) as f64
-        });
-        let mut next = place;
-        next[along] += 1;
-        let ends = [(place, from), (next, to)];
-        Some(Self { ends, middle: 0.5 * (from + to), cell: DVec3::from_array(cell) })
-    }
-}
-
-/// The end of a plate that is nearest to a place.
-struct End {
-    /// How far outside the place is, in metres.
-    distance: f64,
-    /// Away from the end, along the plate.
-    normal: DVec3,
+    if left > 0.0 { COUNTED as f64 } else { 0.0 }
 }
 
 /// From zero to one over a range.
@@ -352,24 +441,23 @@ mod tests {
         Lattice::new([grown(planes(17, 0.015)), planes(21, 0.015), grown(planes(10, 0.024))]).unwrap()
     }
 
-    fn ends(lattice: &Lattice, rotation: DQuat, centre: DVec3, size: DVec3) -> Option<PlateEnds> {
+    fn ends(lattice: &Lattice, rotation: DQuat, centre: DVec3, size: DVec3) -> PlateEnds {
         let sensor_from_object = DAffine3::from_rotation_translation(rotation, centre);
         let object_from_sensor = sensor_from_object.matrix3.transpose();
         let angles =
             RightAngles { solid: RightAngled::Box(0.5 * size), sensor_from_object, object_from_sensor };
-        PlateEnds::of(
-            0,
-            &Edges::Lattice(lattice.clone()),
-            &Material::Conductor(Connection::Floating),
-            &KnownField::Edges(angles),
-        )
+        let (floating, field) = (Material::Conductor(Connection::Floating), KnownField::Edges(angles));
+        let mut ends = PlateEnds::default();
+        ends.take(0, &Edges::Lattice(lattice.clone()), &floating, &field);
+        ends
     }
 
     const PLATE: DVec3 = DVec3::new(0.13, 0.14, 0.02);
 
-    fn factors(lattice: &Lattice, ends: Option<PlateEnds>) -> Vec<f64> {
+    fn factors(lattice: &Lattice, ends: PlateEnds) -> Vec<f64> {
         let edges = 3 * lattice.node_counts().into_iter().product::<usize>();
-        (0..edges).map(|edge| ends.map_or(1.0, |ends| ends.factor(lattice, edge, &[]))).collect()
+        let factor = |edge| if ends.are_of_use { ends.factor(lattice, edge, &[]) } else { 1.0 };
+        (0..edges).map(factor).collect()
     }
 
     /// No weight jumps as a plate moves, turns and tilts, and all stay positive.
@@ -432,14 +520,14 @@ mod tests {
     fn plates_that_are_resolved_held_or_not_level_change_nothing() {
         let lattice = lattice();
         let centre = DVec3::new(0.151, 0.147, 0.162);
-        assert!(ends(&lattice, DQuat::IDENTITY, centre, PLATE).is_some());
-        assert!(ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.13, 0.14, 0.05)).is_none());
-        assert!(ends(&lattice, DQuat::from_rotation_x(0.1), centre, PLATE).is_none());
-        assert!(ends(&lattice, DQuat::IDENTITY, DVec3::new(0.151, 0.147, 0.5), PLATE).is_none());
+        assert!(ends(&lattice, DQuat::IDENTITY, centre, PLATE).are_of_use);
+        assert!(!ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.13, 0.14, 0.05)).are_of_use);
+        assert!(!ends(&lattice, DQuat::from_rotation_x(0.1), centre, PLATE).are_of_use);
+        assert!(!ends(&lattice, DQuat::IDENTITY, DVec3::new(0.151, 0.147, 0.5), PLATE).are_of_use);
         let sticks = ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.02, 0.13, 0.018));
         assert!(factors(&lattice, sticks).iter().all(|factor| *factor == 1.0));
         // Beside another body, as far as that is near.
-        let alone = ends(&lattice, DQuat::IDENTITY, centre, PLATE).unwrap();
+        let alone = ends(&lattice, DQuat::IDENTITY, centre, PLATE);
         let other = Aabb { min: DVec3::new(0.2, 0.0, 0.0), max: DVec3::new(0.3, 0.3, 0.3) };
         let bounds = [Aabb { min: centre - 0.5 * PLATE, max: centre + 0.5 * PLATE }, other];
         let (mut fewer, mut same) = (0, 0);
