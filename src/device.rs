@@ -2,9 +2,10 @@
 
 use crate::pipeline::PipelineError;
 use crate::scene::{Geometry, Scene};
-use capsense_core::occupancy::Interface;
+use capsense_core::occupancy::{Interface, may_change_weights};
 use capsense_core::sensor::Sensor;
 use capsense_core::simulator::{Simulator, SimulatorError};
+use capsense_core::solids::Solids;
 use capsense_core::solver::RemoteProblem;
 use capsense_render::fields::{Camera, GpuFields, GpuNetwork, Objects};
 
@@ -96,7 +97,7 @@ pub(crate) fn on_gpu(scene: &Scene, sensor: Sensor, allow_software: bool) -> Res
 }
 
 /// Fields on an adapter that finds the objects, too; `None` where these are no surfaces that cut edges, or solids of
-/// triangles that are no box, or the adapter does not suffice for it.
+/// triangles that are no box or floating plates whose ends change weights, or the adapter does not suffice for it.
 fn finding_objects(
     scene: &Scene,
     sensor: &Sensor,
@@ -116,7 +117,15 @@ fn finding_objects(
             let camera = Camera { view: scene.view, back_fill: scene.back_fill };
             GpuFields::with_camera(of_sensor, camera, &objects, allow_software)
         }
+        Geometry::Solids(_) if have_ends(&objects[0], sensor) => return None,
         Geometry::Solids(_) => GpuFields::with_solids(of_sensor, &objects, allow_software),
     };
     gpu.ok()
+}
+
+/// Whether ends of objects may change weights, of which devices know nothing.
+fn have_ends(objects: &Objects, sensor: &Sensor) -> bool {
+    let (Some(lattice), Ok(solids)) = (sensor.lattice(), Solids::new(&objects.shapes)) else { return false };
+    let mut materials = objects.materials.iter().enumerate();
+    materials.any(|(object, material)| may_change_weights(lattice, &solids, object, material))
 }

@@ -82,6 +82,26 @@ fn solids_are_found_on_the_device_if_they_can_be() {
     assert!(pipeline.frame(0).unwrap().changed_edges > 0);
 }
 
+/// What the ends of floating plates change, devices do not know.
+#[test]
+fn floating_plates_are_found_on_the_processor() {
+    let text = |size: &str, connection: &str| {
+        let text = scene_text("tolerance = 1e-5\ndevice = \"gpu\"")
+            .replace("geometry = \"camera\"", "geometry = \"solids\"");
+        text.replace("[0.15, 0.15, 0.04]", size).replace("\"grounded\"", connection)
+    };
+    let on = |text: &str| Pipeline::new(&Scene::parse("device.toml", text, Path::new(".")).unwrap()).unwrap();
+    for (size, connection, is_on_gpu) in [
+        ("[0.15, 0.15, 0.04]", "\"grounded\"", true),
+        ("[0.15, 0.15, 0.04]", "\"floating\"", false),
+        ("[0.15, 0.15, 0.04]", "{ capacitance = 1e-12 }", false),
+        ("[0.3, 0.3, 0.25]", "\"floating\"", true),
+    ] {
+        let pipeline = on(&text(size, connection));
+        assert!(pipeline.is_on_gpu() && pipeline.finds_objects_on_gpu() == is_on_gpu, "{size} {connection}");
+    }
+}
+
 /// Objects seen by a depth camera are found on the device, and on the processor for who looks.
 #[test]
 fn a_camera_on_the_device_sees_what_one_here_does() {

@@ -39,7 +39,7 @@ pub use coupling::{Coupling, SMALLEST_PART};
 pub use depth::{DepthLayers, InvalidDepth, OrthographicView};
 pub(crate) use index_set::IndexList;
 pub use interface::Interface;
-pub use near_field::{RightAngle, RightAngled, RightAngles, Round};
+pub use near_field::{RightAngle, RightAngled, RightAngles, Round, may_change_weights};
 pub(crate) use near_field::{either, larger, smaller, span_in_box};
 pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;

@@ -16,6 +16,7 @@ use super::{KnownField, RightAngles};
 use crate::geometry::Aabb;
 use crate::material::{Connection, Material};
 use crate::mesh::{Edges, Lattice};
+use crate::occupancy::Surfaces;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -36,6 +37,28 @@ const CORNER: f64 = 0.25;
 
 /// Other bodies count from so many cells on, and all that is nearer than the first.
 const OTHERS: Range<f64> = 1.0..1.6;
+
+/// Whether ends of an object of a material may change weights on a lattice: of a box that nothing holds at a potential, which is thin
+/// over the largest cells of the lattice. What finds objects elsewhere than in [`Occupancy`](crate::occupancy::Occupancy) may not know of it.
+///
+/// # Panics
+/// When there is no such object.
+pub fn may_change_weights(
+    lattice: &Lattice,
+    surfaces: &dyn Surfaces,
+    object: usize,
+    material: &Material,
+) -> bool {
+    let largest = lattice.axes().iter().flat_map(|planes| planes.windows(2)).map(|pair| pair[1] - pair[0]);
+    let largest = largest.fold(0.0, f64::max);
+    let field = KnownField::around(surfaces, object);
+    is_held_by_nothing(material)
+        && field.of_box().is_some_and(|(_, half)| 2.0 * half.min_element() < THIN.end * largest)
+}
+
+fn is_held_by_nothing(material: &Material) -> bool {
+    matches!(material, Material::Conductor(Connection::Floating | Connection::Capacitance(_)))
+}
 
 /// What the ends of an object change, if it is such a plate.
 #[derive(Clone, Debug, Default)]
@@ -81,7 +104,9 @@ impl PlateEnds {
         self.are_of_use = false;
         let Edges::Lattice(lattice) = edges else { return };
         let Some((angles, half)) = field.of_box() else { return };
-        let Material::Conductor(Connection::Floating | Connection::Capacitance(_)) = material else { return };
+        if !is_held_by_nothing(material) {
+            return;
+        }
         let Some(plate) = Plate::of(lattice, angles, half) else { return };
         self.object = object;
         self.take_rows(lattice, &plate);

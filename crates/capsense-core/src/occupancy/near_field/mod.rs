@@ -34,6 +34,7 @@ mod star;
 
 pub use angles::{RightAngled, RightAngles};
 pub(crate) use at_pose::span_in_box;
+pub use ends::may_change_weights;
 pub(super) use ends::{MORE_PLANES, PlateEnds};
 pub(super) use field::Places;
 pub use field::RightAngle;
