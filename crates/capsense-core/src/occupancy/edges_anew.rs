@@ -195,7 +195,7 @@ impl Sight<'_> {
         self.scene.has_lines || self.scene.has_camera_walls || known.is_met(edge)
     }
 
-    /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries.
+    /// The ends of an edge that no object is on, and what is left of it if that is nothing but the link that it carries and what ends of plates make of it.
     #[inline]
     fn link_alone(&self, edge: usize) -> Option<([u32; 2], Coupling)> {
         let ends = self.scene.mesh.edges.ends_of_existing(edge);

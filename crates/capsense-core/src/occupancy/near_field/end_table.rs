@@ -1,4 +1,4 @@
-//! The numbers of [`super::ends`], as `cargo run --release --example accuracy -- ends` prints them.
+//! The numbers of [`super::ends`], that `cargo run --release --example accuracy -- ends` computes.
 
 /// What edges are changed by: those beyond the first rows on either side of a plate, against each other; those in the first rows, against each
 /// other; those that pass it; those in the first rows, on both sides.

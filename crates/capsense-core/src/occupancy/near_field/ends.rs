@@ -21,7 +21,7 @@ use glam::DVec3;
 use std::ops::Range;
 
 /// Plates count whose normal is as nearly along an axis of the lattice as the second cosine tells, those beyond the first not at all.
-const LEVEL: Range<f64> = 0.9990..0.9999;
+const LEVEL: Range<f64> = 0.9997..0.99997;
 
 /// Thicker plates, in heights of cells, count less, and from the second thickness on not at all.
 const THIN: Range<f64> = 1.3..1.8;
@@ -143,6 +143,11 @@ impl PlateEnds {
                 let mut end = plate.end_at(place);
                 let way = -end.outside * end.normal;
                 let cells = |k: usize| cells_to(axes[k], [first, second][k], way[self.along[k]]);
+                let place = [axes[0][first] + way[self.along[0]], axes[1][second] + way[self.along[1]]];
+                let normal = self.along.map(|axis| end.normal[axis].abs());
+                let size = normal[1] * spacing(axes[0], first) + normal[0] * spacing(axes[1], second);
+                let within = [0, 1].map(|k| 1.0 - normal[k].powi(2) * (1.0 - part_within(axes[k], place[k])));
+                end.counts = (end.inside / size).min(1.0) * within[0].min(within[1]);
                 end.outside = cells(0).max(cells(1)).copysign(end.outside);
                 self.ends.push(end);
             }
@@ -156,7 +161,7 @@ impl PlateEnds {
                 let steps = [(first + 1 < firsts.end, 1), (second + 1 < seconds.end, firsts.len())];
                 for (k, (_, step)) in steps.into_iter().enumerate().filter(|(_, (exists, _))| *exists) {
                     let mut cell = cell;
-                    cell[k] = [axes[0], axes[1]][k][[first, second][k] + 1] - axes[k][[first, second][k]];
+                    cell[k] = axes[k][[first, second][k] + 1] - axes[k][[first, second][k]];
                     let ends = [&self.ends[at], &self.ends[at + step]];
                     (changes.lean[k], changes.both[k]) = plate.of_edge(ends, self.along, k, cell);
                 }
@@ -216,7 +221,7 @@ impl PlateEnds {
             let away = [place, next].map(|place| {
                 let cells = |axis: usize| {
                     let at = axes[axis][place[axis]];
-                    let nearest = at.clamp(other.min[axis], other.max[axis]);
+                    let nearest = at.min(other.max[axis]).max(other.min[axis]);
                     cells_to(&axes[axis], place[axis], nearest - at)
                 };
                 cells(0).max(cells(1)).max(cells(2))
@@ -247,6 +252,9 @@ fn of_rows(row: usize, from: usize, first: f64) -> f64 {
 struct End {
     /// How far outside the place is, in metres or in cells; less than nothing within the plate.
     outside: f64,
+    /// How far it is from where another end is the nearest, in metres, and how much the end counts there.
+    inside: f64,
+    counts: f64,
     /// Away from the end, along the plate.
     normal: DVec3,
 }
@@ -286,7 +294,10 @@ impl Plate {
         }
         let (height, place) = height_and_place(rows, centre[axis])?;
         let thickness = 2.0 * half[thin] / height;
-        let counts = rising(LEVEL, normal[axis]) * (1.0 - rising(THIN, thickness));
+        let margins =
+            [faces[0] - rows[0], rows[rows.len() - 1] - faces[1]].map(|margin| rising(0.0..height, margin));
+        let counts =
+            rising(LEVEL, normal[axis]) * (1.0 - rising(THIN, thickness)) * margins[0].min(margins[1]);
         if counts == 0.0 {
             return None;
         }
@@ -316,6 +327,7 @@ impl Plate {
         let outwards = [0, 1].map(|side| self.sides[side] * 1.0_f64.copysign(along[side]));
         let [first, second] = beyond;
         let (outside, parts) = match (first > 0.0, second > 0.0) {
+            // Beyond a corner nothing is known.
             (true, true) => (first.hypot(second), [first, second]),
             (true, false) => (first, [1.0, 0.0]),
             (false, true) => (second, [0.0, 1.0]),
@@ -329,7 +341,8 @@ impl Plate {
             }
         };
         let length = parts[0].hypot(parts[1]);
-        End { outside, normal: (parts[0] / length) * outwards[0] + (parts[1] / length) * outwards[1] }
+        let normal = (parts[0] / length) * outwards[0] + (parts[1] / length) * outwards[1];
+        End { outside, inside: (-first.min(second)).max(0.0), counts: 0.0, normal }
     }
 
     /// What edges across the plate are changed by, where the nearest end is so many cells away and cells have such widths.
@@ -338,8 +351,8 @@ impl Plate {
         let [across, _, passing, _] = self.numbers_of_width(width);
         let past = 1.25 * end.outside.min(1.6 - end.outside).max(0.0);
         Changes {
-            across: across * beside(end.outside, 0.5, 1.0),
-            passing: passing * past,
+            across: end.counts * across * beside(end.outside, 0.5, 1.0),
+            passing: end.counts * passing * past,
             ..Changes::default()
         }
     }
@@ -355,7 +368,7 @@ impl Plate {
         let width = squares.iter().zip(cell).map(|(square, cell)| (square / length).sqrt() * cell).sum();
         let [_, lean, _, both] = self.numbers_of_width(width);
         // As much of either axis as gives the direction away from the end all of it.
-        let share = squares[upwards] * length / fourth;
+        let share = 0.5 * (ends[0].counts + ends[1].counts) * squares[upwards] * length / fourth;
         (share * lean * beside(outside, -0.3, 1.25), share * both * beside(outside, 0.0, 1.0))
     }
 
@@ -363,7 +376,8 @@ impl Plate {
     fn numbers_of_width(&self, width: f64) -> Numbers {
         let part = rising(WIDTHS[0]..WIDTHS[1], width / self.height);
         let narrowest = 2.0 * self.half[0].min(self.half[1]);
-        let counts = (narrowest / (2.0 * self.thickness.max(width)) - 1.0).clamp(0.0, 1.0);
+        // Opposite ends are so far from each other that no edge is near both.
+        let counts = rising(2.0..4.0, narrowest / self.thickness) * rising(4.2..5.2, narrowest / width);
         between(&self.numbers[0], &self.numbers[1], part).map(|y| counts * y)
     }
 }
@@ -384,13 +398,18 @@ fn spacing(planes: &[f64], plane: usize) -> f64 {
 fn height_and_place(rows: &[f64], at: f64) -> Option<(f64, f64)> {
     let above = rows.partition_point(|&row| row <= at);
     let below = above.checked_sub(1)?;
-    let of_row = |row: usize| {
-        let (low, high) = (row.saturating_sub(1), (row + 1).min(rows.len() - 1));
-        (rows[high] - rows[low]) / (high - low) as f64
-    };
     let part = (at - rows[below]) / (rows.get(above)? - rows[below]);
     let place = if part < 0.5 { part } else { part - 1.0 };
-    Some((of_row(below) + part * (of_row(above) - of_row(below)), place))
+    let [low, high] = [below, above].map(|row| spacing(rows, row));
+    Some((low + part * (high - low), place))
+}
+
+/// How much a place counts by where it is among planes: nothing outside, all of it a cell within.
+fn part_within(planes: &[f64], at: f64) -> f64 {
+    let last = planes.len() - 1;
+    let low = (at - planes[0]) / (planes[1] - planes[0]);
+    let high = (planes[last] - at) / (planes[last] - planes[last - 1]);
+    low.min(high).clamp(0.0, 1.0)
 }
 
 /// Nodes so many planes further from the edges of a plate than those with links are looked at as it moves.
@@ -405,16 +424,18 @@ fn cells_to(planes: &[f64], plane: usize, way: f64) -> f64 {
         true => planes.get(plane + cells),
         false => plane.checked_sub(cells).map(|plane| &planes[plane]),
     };
-    let mut left = way.abs();
+    let (mut left, mut size) = (way.abs(), spacing(planes, plane));
     for cells in 0..COUNTED {
-        let (Some(near), Some(far)) = (neighbour(cells), neighbour(cells + 1)) else { break };
-        let size = (far - near).abs();
+        // Cells go on beyond the lattice as they end.
+        if let (Some(near), Some(far)) = (neighbour(cells), neighbour(cells + 1)) {
+            size = (far - near).abs();
+        }
         if left <= size {
             return cells as f64 + left / size;
         }
         left -= size;
     }
-    if left > 0.0 { COUNTED as f64 } else { 0.0 }
+    COUNTED as f64
 }
 
 /// From zero to one over a range.
