@@ -221,6 +221,38 @@ fn floating_plates_leave_no_trace() {
     }
 }
 
+/// What the ends of a floating plate change of weights does not jump as it moves, turns and rises past columns and rows of nodes.
+#[test]
+fn what_floating_plates_change_does_not_jump() {
+    let mut plate = Solids::new(&[Shape::Box { size: DVec3::new(0.15, 0.14, 0.015) }]).unwrap();
+    let sensor = stripes_sensor(20_000);
+    let updater = |connection| Updater::new(&sensor, &[conductor(connection)]);
+    let slide = |k: f64| Pose::at(DVec3::new(0.2 * k - 0.06, 0.03 * k, 0.14 + 0.03 * k));
+    let turn = |k: f64| Pose { rotation: DQuat::from_rotation_z(k), ..slide(0.3 + 0.1 * k) };
+    let leave = |k: f64| Pose::at(DVec3::new(0.02, 0.1 + 0.25 * k, 0.15));
+    let (mut floating, mut grounded) = (updater(Connection::Floating), updater(Connection::Grounded));
+    for way in [&slide as &dyn Fn(f64) -> Pose, &turn, &leave] {
+        let (mut before, mut most_changed) = (Vec::<f64>::new(), 0.0_f64);
+        for frame in 0..800 {
+            plate.place(&[way(1.25e-3 * f64::from(frame))]).unwrap();
+            floating.step(&plate);
+            grounded.step(&plate);
+            let pairs = floating.occupancy.couplings().zip(grounded.occupancy.couplings());
+            let parts = pairs.map(|(floating, grounded)| match grounded.through > 0.0 {
+                true => floating.through / grounded.through,
+                false => 1.0,
+            });
+            let parts: Vec<f64> = parts.collect();
+            for (edge, (before, now)) in before.iter().zip(&parts).enumerate() {
+                assert!((now - before).abs() < 0.12, "{frame} {edge}: {before} {now}");
+                most_changed = most_changed.max((now - 1.0).abs());
+            }
+            before = parts;
+        }
+        assert!(most_changed > 0.2, "{most_changed}");
+    }
+}
+
 /// Nodes beside a cylinder are looked at again wherever it goes, not those near its rims alone.
 #[test]
 fn a_cylinder_leaves_no_trace() {
