@@ -6,7 +6,7 @@
 //! 1 + y, where y depends on where it is to the end, as in [`PlateEnds::factor`], times one of four numbers. Links follow, so that the field
 //! around the edges of the end stays as it is.
 //!
-//! The numbers are those with which a plate in two dimensions does to fields exp(-k z) cos k x of several wave lengths, and to an even one, what it should,
+//! The numbers are those with which a plate in two dimensions does to fields exp(-k z) cos k x of several wave lengths, and to a uniform one, what it should,
 //! floating as well as grounded (`examples/accuracy/ends.rs` computes them; nothing is fitted to scenes). They depend on how thick the plate is
 //! and how wide cells are, both over their height, and on where its middle is between two rows of nodes. What it makes of plates in space:
 //! `docs/interface.md`.
@@ -250,7 +250,7 @@ fn of_rows(row: usize, from: usize, first: f64) -> f64 {
 /// The end of a plate that is nearest to a place.
 #[derive(Clone, Copy, Debug)]
 struct End {
-    /// How far outside the place is, in metres or in cells; less than nothing within the plate.
+    /// How far outside the place is, less than nothing within the plate: in metres as [`Plate::end_at`] tells it, then in cells.
     outside: f64,
     /// How far it is from where another end is the nearest, in metres, and how much the end counts there.
     inside: f64,
@@ -327,7 +327,6 @@ impl Plate {
         let outwards = [0, 1].map(|side| self.sides[side] * 1.0_f64.copysign(along[side]));
         let [first, second] = beyond;
         let (outside, parts) = match (first > 0.0, second > 0.0) {
-            // Beyond a corner nothing is known.
             (true, true) => (first.hypot(second), [first, second]),
             (true, false) => (first, [1.0, 0.0]),
             (false, true) => (second, [0.0, 1.0]),
@@ -342,6 +341,7 @@ impl Plate {
         };
         let length = parts[0].hypot(parts[1]);
         let normal = (parts[0] / length) * outwards[0] + (parts[1] / length) * outwards[1];
+        // Beyond a corner nothing is known. How much an end counts depends on cells, too.
         End { outside, inside: (-first.min(second)).max(0.0), counts: 0.0, normal }
     }
 
