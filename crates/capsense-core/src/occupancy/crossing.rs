@@ -5,7 +5,7 @@
 //! the depths in the pixels that it passes and in their eight neighbours, of nothing else.
 
 use super::pixel_row::{LANES, lanes};
-use super::{DepthLayers, LayerWall, LayersWithin, Side, Span};
+use super::{DepthLayers, LayerWall, LayerWay, LayersWithin, Side, Span};
 use crate::geometry::Aabb;
 use glam::{DVec2, DVec3};
 use std::ops::Range;
@@ -82,9 +82,14 @@ impl Quarter {
     /// its ends, which lie in the quarter, at parameters `t` of the whole.
     #[inline]
     fn span(&self, ends: [DVec2; 2], z: [f64; 2], t: [f64; 2]) -> Option<Span> {
+        span_behind(self.at_both(ends), z, t)
+    }
+
+    /// Front and back at both ends of a segment.
+    #[inline]
+    fn at_both(&self, ends: [DVec2; 2]) -> [[f64; 2]; 2] {
         let at_start = self.at(ends[0]);
-        let at_end = if ends[0] == ends[1] { at_start } else { self.at(ends[1]) };
-        span_behind([at_start, at_end], z, t)
+        [at_start, if ends[0] == ends[1] { at_start } else { self.at(ends[1]) }]
     }
 }
 
@@ -197,6 +202,22 @@ impl DepthLayers {
         b: DVec3,
         depths: [f64; 2],
     ) -> Option<LayerWall> {
+        let mut walk = self.walk_between(object, a, b)?;
+        loop {
+            let way = walk.next_way()?;
+            if let Some(span) = way.span_at(a.z) {
+                return way.wall_before(span, depths);
+            }
+        }
+    }
+
+    /// The first half pixel of that walk that sees the object at some depth.
+    pub(super) fn first_way_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<LayerWay> {
+        self.walk_between(object, a, b)?.next_way()
+    }
+
+    /// That walk up to the first pixel that meets the object.
+    fn walk_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<Walk<'_>> {
         let uv = [a, b].map(|point| self.pixel_coordinates(point));
         let seen = self.seen(object);
         let line = seen.line(uv)?;
@@ -206,19 +227,8 @@ impl DepthLayers {
         if first_hit != line.first {
             start = borders.axes[line.axis].pass(line.border_before(first_hit));
         }
-        while start < 1.0 {
-            let end = borders.next_after(start);
-            if let Some(piece) = seen.piece(uv, [a.z, b.z], [start, end]) {
-                if piece.enter != start {
-                    return None;
-                }
-                let middle = (uv[0] + (uv[1] - uv[0]) * (0.5 * (start + end)))[line.axis];
-                let rise = line.rise_behind(middle as u32 as usize, depths);
-                return Some(LayerWall { enter: start, slope: rise / self.pixel_size()[line.axis] });
-            }
-            start = end;
-        }
-        None
+        let spacing = self.pixel_size()[line.axis];
+        Some(Walk { uv, seen, line, borders, start, spacing })
     }
 }
 
@@ -349,23 +359,49 @@ impl Line<'_> {
         Some(pixel)
     }
 
-    /// How much faces between two depths rise or fall from a pixel to the next one; zero where that misses the object.
+    /// What the next pixel sees; `None` where that misses the object.
     #[inline]
-    fn rise_behind(&self, pixel: usize, [low, high]: [f64; 2]) -> f64 {
+    fn depths_behind(&self, pixel: usize) -> Option<[f32; 2]> {
         let behind = self.after(pixel);
-        if behind >= self.count || !self.is_hit(behind) {
-            return 0.0;
-        }
-        let [here, there] = [self.depths(pixel), self.depths(behind)].map(|depths| depths.map(f64::from));
-        let rise = |side: usize| {
-            if low < here[side] && here[side] < high { (there[side] - here[side]).abs() } else { 0.0 }
-        };
-        rise(0).max(rise(1))
+        (behind < self.count && self.is_hit(behind)).then(|| self.depths(behind))
     }
 
     /// Where the segment enters a pixel, in half pixels.
     fn border_before(&self, pixel: usize) -> usize {
         2 * (pixel + usize::from(pixel < self.first))
+    }
+}
+
+/// A walk along a row or a column of pixels, from one half pixel to the next.
+struct Walk<'a> {
+    uv: [DVec2; 2],
+    seen: Seen<'a>,
+    line: Line<'a>,
+    borders: HalfPixelBorders,
+    start: f64,
+    spacing: f64,
+}
+
+impl Walk<'_> {
+    /// The next half pixel that sees the object, whatever the depth of the walk.
+    fn next_way(&mut self) -> Option<LayerWay> {
+        let Self { uv, seen, line, .. } = self;
+        let uv_at = |t: f64| uv[0] + (uv[1] - uv[0]) * t;
+        while self.start < 1.0 {
+            let part = [self.start, self.borders.next_after(self.start)];
+            self.start = part[1];
+            let middle = uv_at(0.5 * (part[0] + part[1]));
+            let Some(quarter) = seen.quarter(middle) else { continue };
+            let pixel = middle[line.axis] as u32 as usize;
+            return Some(LayerWay {
+                part,
+                faces: quarter.at_both(part.map(uv_at)),
+                seen: line.depths(pixel).map(f64::from),
+                behind: line.depths_behind(pixel).map(|depths| depths.map(f64::from)),
+                spacing: self.spacing,
+            });
+        }
+        None
     }
 }
 

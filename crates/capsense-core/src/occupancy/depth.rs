@@ -6,7 +6,7 @@
 
 use super::crossing::{JUMP_IN_PIXELS, MARGIN_IN_PIXELS, larger, smaller};
 use super::pixel_row::{first_where, last_where, reduce};
-use super::{Earlier, LayerWall, LayersWithin, Regions, Span, Surfaces};
+use super::{Earlier, LayerWall, LayerWay, LayersWithin, Regions, Span, Surfaces};
 use crate::geometry::Aabb;
 use crate::instructions::vectorised;
 use glam::{DVec2, DVec3};
@@ -288,6 +288,10 @@ impl Surfaces for DepthLayers {
 
     fn wall_between(&self, object: usize, a: DVec3, b: DVec3, depths: [f64; 2]) -> Option<LayerWall> {
         self.first_wall_between(object, a, b, depths)
+    }
+
+    fn way_between(&self, object: usize, a: DVec3, b: DVec3) -> Option<LayerWay> {
+        self.first_way_between(object, a, b)
     }
 
     fn find_changes(&self, before: &mut Earlier, regions: &mut Regions) -> bool {

@@ -41,7 +41,7 @@ pub(crate) use index_set::IndexList;
 pub use interface::Interface;
 pub use near_field::{RightAngle, RightAngled, RightAngles, Round, may_change_weights};
 pub(crate) use near_field::{either, larger, smaller, span_in_box};
-pub use surfaces::{Frame, LayerWall, LayersWithin, Side, Span, Surfaces};
+pub use surfaces::{Frame, LayerWall, LayerWay, LayersWithin, Side, Span, Surfaces};
 pub(crate) use unresolved::unresolved;
 
 use crate::few::Few;

@@ -1,5 +1,6 @@
 //! What the occupancy asks of surfaces, however they are known.
 
+use super::crossing::span_behind;
 use super::{Bars, Earlier, Fill, InvalidDepth, Regions, RightAngles, Round};
 use crate::geometry::Aabb;
 use glam::{DMat3, DVec3};
@@ -86,6 +87,49 @@ pub struct LayerWall {
     pub slope: f64,
 }
 
+/// Where the way along a segment across z first leads past an object before or behind it, as who looks along z sees it: what is the
+/// same at all depths at which the segment may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerWay {
+    /// From where to where on the segment, in parts of it, faces are taken as straight lines.
+    pub part: [f64; 2],
+    /// Front and back of the object where that starts and where it ends.
+    pub faces: [[f64; 2]; 2],
+    /// The object's front and back as seen there, and by the next ray on the way unless that misses it.
+    pub seen: [f64; 2],
+    /// What the next ray sees.
+    pub behind: Option<[f64; 2]>,
+    /// How far apart these rays are.
+    pub spacing: f64,
+}
+
+impl LayerWay {
+    /// What of that part is in the object at a depth.
+    #[inline]
+    pub fn span_at(&self, z: f64) -> Option<Span> {
+        span_behind(self.faces, [z; 2], self.part)
+    }
+
+    /// The wall where such a span starts, if the object is met as soon as the part starts: where faces rise or fall into the way, there
+    /// is none. Of the faces, those between two depths count.
+    #[inline]
+    pub fn wall_before(&self, span: Span, depths: [f64; 2]) -> Option<LayerWall> {
+        let enter = self.part[0];
+        (span.enter == enter).then(|| LayerWall { enter, slope: self.rise(depths) / self.spacing })
+    }
+
+    /// How much faces between two depths rise or fall up to the next ray; zero where that misses the object.
+    #[inline]
+    fn rise(&self, [low, high]: [f64; 2]) -> f64 {
+        let Some(behind) = self.behind else { return 0.0 };
+        let rise = |side: usize| {
+            let (here, there) = (self.seen[side], behind[side]);
+            if low < here && here < high { (there - here).abs() } else { 0.0 }
+        };
+        rise(0).max(rise(1))
+    }
+}
+
 /// Where objects are: answers for points and segments in the sensor frame, which several threads may ask for at once.
 pub trait Surfaces: Sync {
     /// Number of objects.
@@ -156,6 +200,12 @@ pub trait Surfaces: Sync {
     /// Where the segment from `a` to `b` first enters an object, if it does so at a wall along z: where its layer ends or jumps, rather
     /// than rises or falls. Of faces at the wall, those between two depths count.
     fn wall_between(&self, _object: usize, _a: DVec3, _b: DVec3, _depths: [f64; 2]) -> Option<LayerWall> {
+        None
+    }
+
+    /// The first part of a segment at which [`Surfaces::wall_between`] would find walls, whatever the depth of both ends; `None` where that is
+    /// to be asked for each depth. Where a depth has nothing of the object in that part, it is to be asked too.
+    fn way_between(&self, _object: usize, _a: DVec3, _b: DVec3) -> Option<LayerWay> {
         None
     }
 

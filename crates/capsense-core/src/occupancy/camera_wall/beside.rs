@@ -2,9 +2,10 @@
 
 use super::dual_face::{DualFace, Past, Wall};
 use super::layers::Layer;
+use super::ways::{EdgeAcross, Ways};
 use crate::material::Material;
 use crate::occupancy::parallel::is_weak;
-use crate::occupancy::{SMALLEST_PART, Scene};
+use crate::occupancy::{LayerWay, SMALLEST_PART, Scene};
 use glam::DVec3;
 
 /// A face that rises or falls by this much, or more, from the pixel at a wall to the next one slants: there is no wall. With half of
@@ -23,8 +24,14 @@ pub(super) struct BesideWall {
 
 impl Scene<'_> {
     /// What the wall of a body leaves of an edge across the rays, if it has one where it is along the ray through one end.
-    pub(super) fn beside_wall(&self, face: &DualFace, edge: usize, layer: &Layer) -> Option<BesideWall> {
-        let past = self.past(edge, face, layer)?;
+    pub(super) fn beside_wall(
+        &self,
+        ways: &mut Ways,
+        face: &DualFace,
+        edge: EdgeAcross,
+        layer: &Layer,
+    ) -> Option<BesideWall> {
+        let past = self.past(ways, edge, face, layer)?;
         let is_under = face.distance_to(layer.faces) > 0.0;
         Some(BesideWall { object: layer.object as u16, end: layer.end as u8, is_under, past })
     }
@@ -42,29 +49,34 @@ impl Scene<'_> {
     }
 
     /// What is left of an edge whose one end's ray meets a body.
-    fn past(&self, edge: usize, face: &DualFace, layer: &Layer) -> Option<Past> {
+    fn past(&self, ways: &mut Ways, edge: EdgeAcross, face: &DualFace, layer: &Layer) -> Option<Past> {
         let &Layer { object, end, faces } = layer;
-        let contrast = self.contrast(object, edge)?;
+        let contrast = self.contrast(object, edge.number)?;
         // In a dielectric without nodes nothing is there for taps to lead to.
         if !self.is_conductor(object) && face.distance_to(faces) > 0.0 && face.is_around(faces) {
             return None;
         }
-        let ends = self.mesh.edges.ends_of_existing(edge);
+        let ends = self.mesh.edges.ends_of_existing(edge.number);
         let points = [ends[1 - end], ends[end]].map(|node| self.mesh.nodes[node as usize]);
-        Some(face.past(&self.wall_between(object, face, faces, points)?, faces, contrast))
+        let way = ways.of(edge.pair(), layer, || self.surfaces.way_between(object, points[0], points[1]));
+        Some(face.past(&self.wall_between(object, way, face, faces, points)?, faces, contrast))
     }
 
     /// Where the wall is, half-way between the faces, from the first point to the second.
     fn wall_between(
         &self,
         object: usize,
+        way: Option<&LayerWay>,
         face: &DualFace,
         faces: [f64; 2],
         points: [DVec3; 2],
     ) -> Option<Wall> {
         let middle = 0.5 * (faces[0] + faces[1]);
         let [from, to] = points.map(|point| DVec3 { z: middle, ..point });
-        let found = self.surfaces.wall_between(object, from, to, face.planes)?;
+        let found = match way.and_then(|way| Some((way, way.span_at(middle)?))) {
+            Some((way, span)) => way.wall_before(span, face.planes)?,
+            None => self.surfaces.wall_between(object, from, to, face.planes)?,
+        };
         let outside = found.enter.max(SMALLEST_PART);
         let abruptness = (2.0 - 2.0 / STEEPEST * found.slope).clamp(0.0, 1.0);
         // At the end behind it, rounding tells whether there is a wall.

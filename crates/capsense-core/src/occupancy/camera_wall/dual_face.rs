@@ -2,6 +2,7 @@
 //! around a right angle.
 
 use super::RAYS;
+use crate::instructions::vectorised;
 use crate::mesh::Lattice;
 use crate::occupancy::SMALLEST_PART;
 use crate::occupancy::near_field::Places;
@@ -89,23 +90,46 @@ impl DualFace {
         (high.min(self.ends[1]) - low.max(self.ends[0])).max(0.0) / self.height()
     }
 
-    /// The part of the link past a wall that is less because of the potential under the faces.
-    fn part_under(&self, faces: [f64; 2], wall: &Wall) -> f64 {
-        let under = |side: usize, forwards: f64| {
-            let depth = forwards * (faces[side] - self.ends[side]);
+    /// How far each face is before the end of the dual face on its side, and before the plane.
+    fn before_ends(&self, faces: [f64; 2]) -> [[f64; 2]; 2] {
+        [1.0, -1.0].map(|forwards| {
+            let side = usize::from(forwards < 0.0);
+            [self.ends[side], self.plane].map(|to| forwards * (faces[side] - to))
+        })
+    }
+
+    /// The part of the link past a wall that is less because of the potential under the faces, and the share of the other end's potential
+    /// that is at the end so far under them, both in the field around a right angle.
+    fn part_and_share_under(&self, faces: [f64; 2], distance: f64, wall: &Wall) -> [f64; 2] {
+        let before = self.before_ends(faces);
+        if distance == 0.0 && before.iter().all(|&[depth, _]| depth <= 0.0) {
+            return [0.0; 2];
+        }
+        // All at once: what waits for one of them waits for all.
+        let mut places = Places::<8>::ORIGIN;
+        for (side, [depth, plane]) in before.into_iter().enumerate() {
+            places.set(3 * side, [wall.outside, plane, 0.0]);
+            places.set(3 * side + 1, [-wall.behind, 0.5 * depth, 0.0]);
+            places.set(3 * side + 2, [-wall.behind, plane, 0.0]);
+        }
+        let at_end = distance.max(SMALLEST_PART * wall.length());
+        places.set(6, [wall.outside, at_end, 0.0]);
+        places.set(7, [-wall.behind, at_end, 0.0]);
+        let potentials = vectorised(
+            #[inline(always)]
+            || places.potentials(f64::INFINITY),
+        );
+        let under = |side: usize| {
+            let depth = before[side][0];
             if depth <= 0.0 {
                 return 0.0;
             }
-            let plane = forwards * (faces[side] - self.plane);
-            let mut places = Places::<4>::ORIGIN;
-            places.set(0, [wall.outside, plane, 0.0]);
-            places.set(1, [-wall.behind, 0.5 * depth, 0.0]);
-            places.set(2, [-wall.behind, plane, 0.0]);
-            let [outside, half_way, behind, _] = places.potentials(f64::INFINITY);
+            let [outside, half_way, behind] = [0, 1, 2].map(|point| potentials[3 * side + point]);
             let more = (half_way - behind).clamp(0.0, outside.max(0.0));
             depth / self.height() * more / outside.max(f64::MIN_POSITIVE)
         };
-        under(0, 1.0) + under(1, -1.0)
+        let share = (potentials[7] / potentials[6]).clamp(SMALLEST_PART, LARGEST_SHARE);
+        [under(0) + under(1), share]
     }
 
     /// What the wall of a body with these faces leaves of an edge. `contrast` is one for a conductor, and zero for what is as the
@@ -115,23 +139,14 @@ impl DualFace {
         let near = wall.behind * wall.behind / (wall.behind * wall.behind + distance * distance);
         let part = self.part_filled(faces, wall.length());
         let way = wall.outside.hypot(distance) / wall.length();
-        let under = contrast * self.part_under(faces, wall);
+        let [under, share] = self.part_and_share_under(faces, distance, wall);
+        let under = contrast * under;
         let link = (near * (part / (1.0 - contrast + contrast * way) - under)).max(0.0);
         let (through, abruptness) = (1.0 - near * part + link, wall.abruptness);
         if distance == 0.0 {
             return Past { through, tap: 0.0, abruptness };
         }
-        let share = share_under(wall, distance.max(SMALLEST_PART * wall.length()));
         let tap = contrast * link / share;
         Past { through: through + contrast * link * share / (1.0 - share), tap, abruptness }
     }
-}
-
-/// The potential so far under a face behind a wall, in parts of that as far under it before the wall, around a right angle.
-fn share_under(wall: &Wall, distance: f64) -> f64 {
-    let mut places = Places::<4>::ORIGIN;
-    places.set(0, [wall.outside, distance, 0.0]);
-    places.set(1, [-wall.behind, distance, 0.0]);
-    let [outside, behind, _, _] = places.potentials(f64::INFINITY);
-    (behind / outside).clamp(SMALLEST_PART, LARGEST_SHARE)
 }

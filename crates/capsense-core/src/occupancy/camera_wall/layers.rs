@@ -7,6 +7,7 @@ use crate::occupancy::crossing::span_behind;
 use crate::occupancy::index_set::IndexSet;
 use crate::occupancy::{Scene, Span};
 use crate::workers::Workers;
+use std::ops::Range;
 
 /// The faces of a body that a ray misses.
 const MISSED: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
@@ -89,6 +90,41 @@ impl RayLayers {
             let span = span_behind([faces; 2], depths, [0.0, 1.0]);
             spans.extend(span.map(|span| (object as u16, span)));
         }
+    }
+
+    /// From which of some successive columns, no more than a word has bits, edges along x and along y lead to one along whose ray other
+    /// objects are between the planes beside. Edges lead on along x from the last of them, and along y from all, only if told so.
+    #[inline]
+    pub(super) fn differing(
+        &self,
+        face: &DualFace,
+        columns: Range<usize>,
+        leads_on: [bool; RAYS],
+        row: usize,
+    ) -> [u64; RAYS] {
+        let (last, behind) = (columns.len() - 1, columns.end..columns.end + 1);
+        let of_next_row = columns.start + row..columns.end + row;
+        let mut differing = [0; RAYS];
+        for object in 0..self.objects {
+            let own = self.met(face, object, columns.clone());
+            let next = if leads_on[0] { self.met(face, object, behind.clone()) } else { own >> last };
+            differing[0] |= own ^ (own >> 1 | next << last);
+            if leads_on[1] {
+                differing[1] |= own ^ self.met(face, object, of_next_row.clone());
+            }
+        }
+        differing
+    }
+
+    /// Along the rays through which of some successive columns an object is between the planes beside: bits, the lowest for the first.
+    #[inline]
+    fn met(&self, face: &DualFace, object: usize, columns: Range<usize>) -> u64 {
+        let (mut met, mut at) = (0, columns.start * self.objects + object);
+        for bit in 0..columns.len() {
+            met |= u64::from(face.has_between_planes(self.faces[at])) << bit;
+            at += self.objects;
+        }
+        met
     }
 
     /// The object that is between the planes beside along one of two rays alone, if it is the only one there.

@@ -25,6 +25,7 @@ mod beside;
 mod dual_face;
 mod layers;
 mod walls;
+mod ways;
 
 use super::coupling::SMALLEST_PART;
 use super::index_set::IndexSet;
@@ -39,6 +40,7 @@ use dual_face::DualFace;
 use layers::RayLayers;
 use std::ops::Range;
 use walls::Walls;
+use ways::{EdgeAcross, Ways};
 
 /// Cameras look along this axis.
 pub(super) const RAYS: usize = 2;
@@ -65,6 +67,7 @@ pub(super) struct CameraWalls {
 /// What a task found: edges of which walls leave something else than before, and those to be coupled anew for that.
 #[derive(Clone, Debug, Default)]
 struct Found {
+    ways: Ways,
     walls: Vec<(u32, Option<BesideWall>)>,
     anew: Vec<usize>,
 }
@@ -112,12 +115,15 @@ impl CameraWalls {
         }
         found.resize_with(workers.tasks(TASKS_OF_A_THREAD), Found::default);
         let tasks = IndexSet::cut([near], found.len()).zip(&mut *found);
-        workers.for_each(tasks, |(part, Found { walls, anew })| {
+        let of_edges_before = &*of_edges;
+        workers.for_each(tasks, |(part, Found { ways, walls, anew })| {
+            ways.start(lattice.strides()[RAYS]);
             part.drain_runs(|nodes| {
-                for_edges_across(lattice, nodes, |edge, face, columns| {
-                    let layer = layers.only_one(face, columns);
-                    let now = layer.and_then(|layer| scene.beside_wall(face, edge, &layer));
-                    let before = of_edges.get(edge);
+                for_edges_beside(lattice, (layers, of_edges_before), nodes, |across, face| {
+                    let edge = across.number;
+                    let layer = layers.only_one(face, across.columns);
+                    let before = of_edges_before.get(edge);
+                    let now = layer.and_then(|layer| scene.beside_wall(ways, face, across, &layer));
                     if before != now.as_ref() {
                         walls.push((edge as u32, now));
                         let beside = [before, now.as_ref()];
@@ -143,7 +149,8 @@ impl CameraWalls {
         match scene.mesh.edges {
             Edges::Lattice(lattice) if scene.has_camera_walls && edge % 3 == RAYS => {
                 let depths = ends.map(|node| scene.mesh.nodes[node as usize].z);
-                self.layers.find_spans(ends[0] as usize % lattice.strides()[RAYS], depths, spans);
+                let column = ends[0] % lattice.strides()[RAYS] as u32;
+                self.layers.find_spans(column as usize, depths, spans);
             }
             _ => scene.find_spans(ends, spans),
         }
@@ -262,26 +269,47 @@ impl CameraWalls {
     }
 }
 
-/// Visits the edges across the rays from some successive nodes, with their dual faces and the columns of their ends.
+/// Visits the edges across the rays from some successive nodes, no more than a word has bits, that a wall may be or was beside, with their
+/// dual faces: along one ray is an object that is not along the other, or the edge has a place among those beside walls.
 #[inline]
-fn for_edges_across(
+fn for_edges_beside(
     lattice: &Lattice,
-    nodes: Range<usize>,
-    mut visit: impl FnMut(usize, &DualFace, [usize; 2]),
+    (layers, of_edges): (&RayLayers, &Walls),
+    mut nodes: Range<usize>,
+    mut visit: impl FnMut(EdgeAcross, &DualFace),
 ) {
     let (strides, counts) = (lattice.strides(), lattice.node_counts());
-    let mut place = lattice.node_place(nodes.start);
-    let mut face = DualFace::at(lattice, place[RAYS]);
-    for node in nodes {
-        if place[0] == counts[0] {
-            place = lattice.node_place(node);
-            face = DualFace::at(lattice, place[RAYS]);
+    while !nodes.is_empty() {
+        let place = lattice.node_place(nodes.start);
+        let face = DualFace::at(lattice, place[RAYS]);
+        let row_end = nodes.start + counts[0] - place[0];
+        let of_row = nodes.start..nodes.end.min(row_end);
+        let first_of_plane = place[RAYS] * strides[RAYS];
+        let columns = of_row.start - first_of_plane..of_row.end - first_of_plane;
+        let leads_on = [of_row.end < row_end, place[1] + 1 < counts[1]];
+        // Bits of nodes, for their edges along x and along y.
+        let mut marked = layers.differing(&face, columns, leads_on, strides[1]);
+        if of_edges.may_have_any(3 * of_row.start..3 * of_row.end) {
+            for (bit, node) in of_row.clone().enumerate() {
+                for (axis, marked) in marked.iter_mut().enumerate() {
+                    *marked |= u64::from(of_edges.may_have(3 * node + axis)) << bit;
+                }
+            }
         }
-        let column = node - place[RAYS] * strides[RAYS];
-        for axis in (0..RAYS).filter(|&axis| place[axis] + 1 < counts[axis]) {
-            visit(3 * node + axis, &face, [column, column + strides[axis]]);
+        let mut left = marked[0] | marked[1];
+        while left != 0 {
+            let bit = left.trailing_zeros();
+            let node = of_row.start + bit as usize;
+            for axis in (0..RAYS).filter(|&axis| marked[axis] >> bit & 1 != 0) {
+                let column = node - first_of_plane;
+                visit(
+                    EdgeAcross { number: 3 * node + axis, columns: [column, column + strides[axis]] },
+                    &face,
+                );
+            }
+            left &= left - 1;
         }
-        place[0] += 1;
+        nodes.start = of_row.end;
     }
 }
 

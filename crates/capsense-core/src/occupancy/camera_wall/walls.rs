@@ -1,6 +1,7 @@
 //! What walls leave of the edges beside them, found by edge at once.
 
 use super::beside::BesideWall;
+use std::ops::Range;
 
 const BITS: usize = u64::BITS as usize;
 
@@ -27,6 +28,18 @@ impl Walls {
     #[inline]
     pub(super) fn get(&self, edge: usize) -> Option<&BesideWall> {
         self.of_edges.get(self.place(edge)?)?.1.as_ref()
+    }
+
+    /// Whether an edge has a place; others are beside no wall.
+    #[inline]
+    pub(super) fn may_have(&self, edge: usize) -> bool {
+        self.words[edge / BITS] >> (edge % BITS) & 1 != 0
+    }
+
+    /// Whether any of some edges, or of those next to them, has one.
+    #[inline]
+    pub(super) fn may_have_any(&self, edges: Range<usize>) -> bool {
+        self.words[edges.start / BITS..edges.end.div_ceil(BITS)].iter().any(|word| *word != 0)
     }
 
     #[inline]
