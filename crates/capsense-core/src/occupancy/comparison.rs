@@ -284,7 +284,11 @@ impl Strip<'_> {
         let [of_front, of_back] =
             [self.differences[FRONT].upright.around(column), self.differences[BACK].upright.around(column)];
         let bits = [of_front.bits, of_back.bits];
-        if bits.iter().flatten().fold(0, |all, bits| all | bits) == 0 {
+        let mut in_either = [0; LANES];
+        for i in 0..LANES {
+            in_either[i] = bits[FRONT][i] | bits[BACK][i];
+        }
+        if folded(in_either, |a, b| a | b) == 0 {
             return None;
         }
         let images = |side: usize, missed: f32| {
@@ -294,18 +298,24 @@ impl Strip<'_> {
         let (front, back) = (images(FRONT, f32::INFINITY), images(BACK, f32::NEG_INFINITY));
         let (of_front, of_back) =
             (self.depths_around(&of_front, &front), self.depths_around(&of_back, &back));
-        let mut found = [Depths::NOWHERE, Depths::NOWHERE];
-        // Mapped arrays may become calls, which are compiled without the processor's extensions.
+        // Masks, each in a loop of its own: what is done with booleans and mapped arrays is done one by one, or by calls that are compiled
+        // without the processor's extensions.
+        let (mut one, mut both) = ([0; LANES], [0; LANES]);
         for i in 0..LANES {
-            let [before, now] = [0, 1].map(|image| front[image][i] <= back[image][i]);
-            let (one, both) = (before ^ now, before & now);
-            let in_front = one | (both & (bits[FRONT][i] != 0));
-            let in_back = both & (bits[BACK][i] != 0);
-            let highest = if one { of_back.high[i] } else { of_front.high[i] };
-            found[FRONT].low[i] = if in_front { of_front.low[i] } else { NOWHERE[0] };
-            found[FRONT].high[i] = if in_front { highest } else { NOWHERE[1] };
-            found[BACK].low[i] = if in_back { of_back.low[i] } else { NOWHERE[0] };
-            found[BACK].high[i] = if in_back { of_back.high[i] } else { NOWHERE[1] };
+            let (before, now) = (mask(front[0][i] <= back[0][i]), mask(front[1][i] <= back[1][i]));
+            (one[i], both[i]) = (before ^ now, before & now);
+        }
+        let mut found = [Depths::NOWHERE, Depths::NOWHERE];
+        for i in 0..LANES {
+            let in_front = one[i] | both[i] & mask(bits[FRONT][i] != 0);
+            let highest = select(one[i], of_back.high[i], of_front.high[i]);
+            found[FRONT].low[i] = select(in_front, of_front.low[i], NOWHERE[0]);
+            found[FRONT].high[i] = select(in_front, highest, NOWHERE[1]);
+        }
+        for i in 0..LANES {
+            let in_back = both[i] & mask(bits[BACK][i] != 0);
+            found[BACK].low[i] = select(in_back, of_back.low[i], NOWHERE[0]);
+            found[BACK].high[i] = select(in_back, of_back.high[i], NOWHERE[1]);
         }
         Some(found)
     }
@@ -351,21 +361,20 @@ impl BoxStack {
     /// Adds pixels from some column on; columns come in increasing order.
     #[inline(always)]
     fn add_lanes(&mut self, column: usize, row: usize, Depths { low, high }: &Depths) {
-        let lowest = low.iter().fold(NOWHERE[0], |a, b| smaller(a, *b));
-        let highest = high.iter().fold(NOWHERE[1], |a, b| larger(a, *b));
-        if lowest > highest {
+        let (mut is_there, mut lengths) = ([0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            is_there[i] = mask(low[i] <= high[i]) & (1 << i);
+            lengths[i] = high[i] - low[i];
+        }
+        let there = folded(is_there, |a, b| a | b);
+        if there == 0 {
             return;
         }
-        let longest = low.iter().zip(high).fold(0.0, |longest, (low, high)| larger(longest, high - low));
-        let (mut first, mut last, mut count) = (LANES, 0, 0);
-        for i in 0..LANES {
-            let is_there = low[i] <= high[i];
-            first = if is_there { first.min(i) } else { first };
-            last = if is_there { i } else { last };
-            count += usize::from(is_there);
-        }
-        if count == last + 1 - first && highest - lowest <= longest + self.slack {
-            self.add([column + first, column + last + 1], row, [lowest, highest]);
+        let (lowest, highest) = (folded(*low, smaller), folded(*high, larger));
+        let longest = larger(0.0, folded(lengths, larger));
+        let (first, end) = (there.trailing_zeros() as usize, (u32::BITS - there.leading_zeros()) as usize);
+        if there.count_ones() as usize == end - first && highest - lowest <= longest + self.slack {
+            self.add([column + first, column + end], row, [lowest, highest]);
             return;
         }
         for ((&low, &high), column) in low.iter().zip(high).zip(column..) {
@@ -420,6 +429,27 @@ impl BoxStack {
         self.passed = 0;
         std::mem::swap(&mut self.growing, &mut self.grown);
     }
+}
+
+/// All bits or none.
+#[inline(always)]
+fn mask(is: bool) -> u32 {
+    if is { u32::MAX } else { 0 }
+}
+
+/// The first number where the mask has bits, or else the second.
+#[inline(always)]
+fn select(mask: u32, first: f32, second: f32) -> f32 {
+    f32::from_bits(first.to_bits() & mask | second.to_bits() & !mask)
+}
+
+/// Lanes taken together, in as few steps as can be.
+#[inline(always)]
+fn folded<T: Copy>(mut lanes: [T; LANES], take: impl Fn(T, T) -> T) -> T {
+    for i in 0..LANES / 2 {
+        lanes[i] = take(lanes[i], lanes[i + LANES / 2]);
+    }
+    take(take(lanes[0], lanes[2]), take(lanes[1], lanes[3]))
 }
 
 /// A depth as an interval; that of a ray which misses is empty.
