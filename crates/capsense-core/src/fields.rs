@@ -122,7 +122,6 @@ impl Fields {
             return;
         }
         self.solver.bracket_mut().start_changes();
-        let columns = self.terminals.len();
         let [mut before, mut after] = std::mem::take(&mut self.on_edge);
         let mut is_lost = false;
         for (count, &(edge, replaced)) in occupancy.replaced_couplings().iter().enumerate() {
@@ -143,24 +142,14 @@ impl Fields {
                 NO_OBJECT => self.row_terminals[node],
                 object => electrodes as Terminal + 1 + object,
             });
-            before.clear();
-            after.clear();
-            for column in 0..columns {
-                let held = |terminal: Terminal| f64::from(u8::from(terminal == self.terminals[column]));
-                let object = |object: u16| held(electrodes as Terminal + 1 + object);
-                let see = |coupling: &Coupling, ends: [f64; 2]| EdgeFields {
-                    through: coupling.through,
-                    links: coupling.factor,
-                    ends,
-                    objects: coupling
-                        .object
-                        .map(|index| if index == NO_OBJECT { 0.0 } else { object(index) }),
-                };
-                let now = ends.map(|node| self.solver.potential(column, node, &self.fixed));
-                let moved =
-                    [0, 1].map(|end| if holders[end] == FREE { now[end] } else { held(holders[end]) });
-                before.push(see(&replaced, now));
-                after.push(see(occupancy.coupling(edge as usize), moved));
+            self.see_coupling(&replaced, electrodes, &mut before);
+            self.see_coupling(occupancy.coupling(edge as usize), electrodes, &mut after);
+            for end in 0..2 {
+                self.solver.for_potentials(ends[end], &self.fixed, |column, potential| {
+                    let held = || f64::from(u8::from(holders[end] == self.terminals[column]));
+                    before[column].ends[end] = potential;
+                    after[column].ends[end] = if holders[end] == FREE { potential } else { held() };
+                });
             }
             let free = holders.map(|holder| holder == FREE);
             self.solver.bracket_mut().change(weight, &before, &after, free);
@@ -171,6 +160,23 @@ impl Fields {
         } else {
             self.solver.bracket_mut().finish_changes();
         }
+    }
+
+    /// What all columns see of an edge with some coupling, but for the potentials of its ends.
+    fn see_coupling(&self, coupling: &Coupling, electrodes: usize, columns: &mut Vec<EdgeFields>) {
+        columns.clear();
+        columns.extend(self.terminals.iter().map(|&terminal| {
+            let of_object = |object: u16| match object {
+                NO_OBJECT => 0.0,
+                object => f64::from(u8::from(electrodes as Terminal + 1 + object == terminal)),
+            };
+            EdgeFields {
+                through: coupling.through,
+                links: coupling.factor,
+                ends: [0.0; 2],
+                objects: coupling.object.map(of_object),
+            }
+        }));
     }
 
     /// Nothing is known of what the changes of a frame do.

@@ -15,6 +15,14 @@ pub(crate) struct EdgeFields {
     pub(crate) objects: [f64; 2],
 }
 
+impl EdgeFields {
+    /// Whether a link is left. Number by number, as arrays are compared by a loop.
+    #[inline]
+    fn is_linked(&self) -> bool {
+        self.links[0] != 0.0 || self.links[1] != 0.0
+    }
+}
+
 /// Upper bounds, kept from one solve to the next.
 #[derive(Clone, Debug)]
 pub(crate) struct Bracket {
@@ -87,10 +95,11 @@ impl Bracket {
         if let (Some(before), Some(after)) = (before.first(), after.first()) {
             self.weakened = self.weakened.max(weakening(before, after, free));
         }
-        for s in 0..self.columns {
-            for t in 0..self.columns {
-                let change = energy(&after[s], &after[t]) - energy(&before[s], &before[t]);
-                self.energies[s * self.columns + t] += weight * change;
+        let of_columns = self.energies.chunks_exact_mut(self.columns.max(1)).zip(before.iter().zip(after));
+        for (energies, own) in of_columns {
+            let [had, has] = [own.0, own.1].map(Flow::of);
+            for (energy, (before, after)) in energies.iter_mut().zip(before.iter().zip(after)) {
+                *energy += weight * (has.energy_with(after) - had.energy_with(before));
             }
         }
     }
@@ -130,9 +139,25 @@ fn currents(edge: &EdgeFields) -> [f64; 2] {
     [through + along(0), along(1) - through]
 }
 
-fn energy(s: &EdgeFields, t: &EdgeFields) -> f64 {
-    let along = |end: usize| s.links[end] * (s.ends[end] - s.objects[end]) * (t.ends[end] - t.objects[end]);
-    s.through * (s.ends[0] - s.ends[1]) * (t.ends[0] - t.ends[1]) + along(0) + along(1)
+/// What one column drives through an edge and along its links, for a weight of one: the same beside all other columns.
+struct Flow {
+    through: f64,
+    along: [f64; 2],
+}
+
+impl Flow {
+    #[inline]
+    fn of(s: &EdgeFields) -> Self {
+        let along = |end: usize| s.links[end] * (s.ends[end] - s.objects[end]);
+        Self { through: s.through * (s.ends[0] - s.ends[1]), along: [along(0), along(1)] }
+    }
+
+    /// The energy of that in the field of another column.
+    #[inline]
+    fn energy_with(&self, t: &EdgeFields) -> f64 {
+        let along = |end: usize| self.along[end] * (t.ends[end] - t.objects[end]);
+        self.through * (t.ends[0] - t.ends[1]) + along(0) + along(1)
+    }
 }
 
 /// Σ (i - w Δφ)²/w with the old currents led along the new coupling; `None` when there is no way for them.
@@ -140,7 +165,8 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
     /// Currents that cancel to this part of them cancel.
     const ROUNDING: f64 = 1e-10;
     // Beside edges of conductors links may be negative; no current takes such a way by itself.
-    if [before, after].iter().any(|edge| edge.links.iter().any(|&link| link < 0.0)) {
+    let has_negative = |edge: &EdgeFields| edge.links[0] < 0.0 || edge.links[1] < 0.0;
+    if has_negative(before) || has_negative(after) {
         return None;
     }
     let (old, new) = (currents(before), currents(after));
@@ -150,12 +176,12 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
         weight if weight > 0.0 => Some(current * current / weight),
         _ => None,
     };
-    if is_mixed(after) && free == [true; 2] {
+    if is_mixed(after) && free[0] && free[1] {
         let [[a, b], [l, m]] = [excess, after.links];
         let resisted = after.through * (a + b).powi(2) + m * a * a + l * b * b;
         return Some(resisted / (l * m + after.through * (l + m)));
     }
-    if after.links != [0.0; 2] || after.through == 0.0 {
+    if after.is_linked() || after.through == 0.0 {
         return Some(over(excess[0], after.links[0])? + over(excess[1], after.links[1])?);
     }
     let size = old[0].abs() + old[1].abs() + new[0].abs() + new[1].abs();
@@ -168,7 +194,7 @@ fn gap(before: &EdgeFields, after: &EdgeFields, free: [bool; 2]) -> Option<f64> 
 
 /// Whether a conductor takes but a part of an edge.
 fn is_mixed(edge: &EdgeFields) -> bool {
-    edge.through > 0.0 && edge.links != [0.0; 2]
+    edge.through > 0.0 && edge.is_linked()
 }
 
 /// The factor where currents can go both ways: at most the trace of A_before A_after⁻¹, with the weights between free

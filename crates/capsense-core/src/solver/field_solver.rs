@@ -145,6 +145,16 @@ impl FieldSolver {
         }
     }
 
+    /// Visits the potentials of a row in all columns.
+    #[inline]
+    pub(crate) fn for_potentials(&self, row: usize, fixed: &[bool], mut visit: impl FnMut(usize, f64)) {
+        match &self.vectors {
+            // Where a node stands is found once for all columns.
+            Vectors::Lattice(fields) if self.green.is_none() => fields.for_potentials(row, visit),
+            _ => (0..self.columns).for_each(|column| visit(column, self.potential(column, row, fixed))),
+        }
+    }
+
     /// Sets the potential of a row in one column. Then the row must be among those that the next
     /// [`FieldSolver::refresh`] is told of, or the residual be forgotten.
     pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {

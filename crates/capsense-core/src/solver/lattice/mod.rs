@@ -170,6 +170,25 @@ impl LatticeSolver {
         }
     }
 
+    /// Visits the potentials of a row in all columns.
+    #[inline]
+    pub(crate) fn for_potentials(&self, row: usize, mut visit: impl FnMut(usize, f64)) {
+        match row.checked_sub(self.nodes()) {
+            Some(object) => {
+                let of_object = &self.links.potentials[object * self.columns..][..self.columns];
+                of_object.iter().enumerate().for_each(|(column, potential)| visit(column, *potential));
+            }
+            None => {
+                let (colour, first) = self.place(0, row);
+                for (column, &ahead) in self.hierarchy.levels[0].ahead[..self.columns].iter().enumerate() {
+                    let at = self.layout.in_column(column, first);
+                    let led_on = f64::from(ahead) * f64::from(self.increment.fields[colour][at]);
+                    visit(column, self.potentials.get(colour, at) + led_on);
+                }
+            }
+        }
+    }
+
     /// Sets the potential of a row in one column. The residual and the state follow with the next
     /// [`LatticeSolver::refresh`] or evaluation.
     pub(crate) fn set_potential(&mut self, column: usize, row: usize, potential: f64) {
