@@ -222,8 +222,8 @@ impl Room {
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
-        if owners[0] == owners[1] && !is_free && !scene.has_camera_walls {
-            // Nothing on an edge within a conductor matters.
+        if owners[0] == owners[1] && !is_free {
+            // Nothing on an edge within a conductor matters, and what a camera sees to hold both ends has no wall beside it.
             let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
             return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };
         }

@@ -271,7 +271,8 @@ mod tests {
     fn energies(edges: &[Edge], x: &Fields) -> Vec<f64> {
         let pairs = (0..COLUMNS).flat_map(|s| (0..COLUMNS).map(move |t| (s, t)));
         let of_pair = |(s, t): (usize, usize)| {
-            let of_edge = |e: &Edge| e.weight * energy(&e.fields(&x[s], s), &e.fields(&x[t], t));
+            let of_edge =
+                |e: &Edge| e.weight * Flow::of(&e.fields(&x[s], s)).energy_with(&e.fields(&x[t], t));
             edges.iter().map(of_edge).sum()
         };
         pairs.map(of_pair).collect()
