@@ -48,6 +48,16 @@ impl<T> Few<T> {
         self.own(number).unwrap_or(&self.common)
     }
 
+    /// The values of some successive ones.
+    #[inline(always)]
+    pub(crate) fn successive<const N: usize>(&self, first: usize) -> [T; N]
+    where
+        T: Copy,
+    {
+        let places = &self.places[first..first + N];
+        std::array::from_fn(|at| self.values.get(places[at] as usize).copied().unwrap_or(self.common))
+    }
+
     /// Takes another value, or that which most have. Returns the one before.
     #[inline]
     pub(crate) fn set(&mut self, number: usize, own: Option<T>) -> T

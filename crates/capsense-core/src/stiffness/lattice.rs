@@ -29,6 +29,14 @@ impl LatticeValues {
         network[edge] * self.factors.get(edge)
     }
 
+    /// The weights to the next nodes along all axes. Edges that do not exist weigh nothing.
+    #[inline]
+    pub(super) fn weights_from(&self, network: &[f64], node: usize) -> [f64; 3] {
+        let factors = self.factors.successive::<3>(3 * node);
+        let weights = &network[3 * node..3 * node + 3];
+        [0, 1, 2].map(|axis| weights[axis] * factors[axis])
+    }
+
     /// The neighbours of a node and the weights to them.
     pub(super) fn row(&self, network: &[f64], node: usize) -> impl Iterator<Item = (usize, f64)> {
         let (strides, place) = (self.lattice.strides(), self.lattice.node_place(node));

@@ -244,6 +244,15 @@ impl StiffnessMatrix {
         }
     }
 
+    /// The same along all axes.
+    #[inline]
+    pub(crate) fn lattice_weights(&self, node: usize) -> [f64; 3] {
+        match &self.values {
+            Values::Lattice(values) => values.weights_from(self.network.weights(), node),
+            Values::Csr(_) => [0.0; 3],
+        }
+    }
+
     /// The neighbours of a node and the weights to them, in an order that never changes.
     pub(crate) fn row(&self, node: usize) -> impl Iterator<Item = (usize, f64)> {
         let (of_lattice, of_csr) = match &self.values {

@@ -136,8 +136,9 @@ impl Hierarchy {
             let leak = if fixed[node] { f32::INFINITY } else { matrix.link_weight(node) as f32 };
             // Within a conductor nothing differs, whatever links its nodes have.
             let mut differs = replace(&mut finest.leak[at], leak);
+            let weights = matrix.lattice_weights(node);
             for (axis, next) in finest.next.iter_mut().enumerate() {
-                let (before, now) = (next[at], matrix.lattice_weight(node, axis) as f32);
+                let (before, now) = (next[at], weights[axis] as f32);
                 most = most.max(now);
                 if replace(&mut next[at], now) {
                     differs = true;

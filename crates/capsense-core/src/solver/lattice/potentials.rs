@@ -95,6 +95,7 @@ impl Potentials {
     }
 
     /// Takes over the row of a node.
+    #[inline]
     pub(super) fn refresh(&mut self, matrix: &StiffnessMatrix, node: usize, (colour, at): (usize, usize)) {
         let (Self::Single { leak, .. } | Self::Double { leak, .. }) = &mut *self;
         leak[colour][at] = matrix.link_weight(node) as f32;

@@ -92,6 +92,7 @@ impl Blocks {
     }
 
     /// Lists the block that a node of plane k is in. Nodes in planes and rows that are fixed throughout are in none.
+    #[inline]
     pub(super) fn list(&mut self, of_nodes: &Layout, Place { colour, at, first }: Place, k: usize) {
         let plane = of_nodes.plane(k);
         if !of_nodes.planes().contains(&k) || !plane.contains(&at) {
