@@ -18,6 +18,7 @@ mod elements;
 mod filled;
 mod fraction;
 mod gaps;
+mod half_pixels;
 mod index_set;
 mod interface;
 mod near_field;

@@ -105,19 +105,19 @@ impl DualFace {
         if distance == 0.0 && before.iter().all(|&[depth, _]| depth <= 0.0) {
             return [0.0; 2];
         }
-        // All at once: what waits for one of them waits for all.
-        let mut places = Places::<8>::ORIGIN;
-        for (side, [depth, plane]) in before.into_iter().enumerate() {
-            places.set(3 * side, [wall.outside, plane, 0.0]);
-            places.set(3 * side + 1, [-wall.behind, 0.5 * depth, 0.0]);
-            places.set(3 * side + 2, [-wall.behind, plane, 0.0]);
-        }
+        let ([[depth_0, plane_0], [depth_1, plane_1]], outside, behind) =
+            (before, wall.outside, -wall.behind);
         let at_end = distance.max(SMALLEST_PART * wall.length());
-        places.set(6, [wall.outside, at_end, 0.0]);
-        places.set(7, [-wall.behind, at_end, 0.0]);
+        // All at once: what waits for one of them waits for all. They are put together where they are used, as vectors are slow to be read
+        // that were just written number by number.
         let potentials = vectorised(
             #[inline(always)]
-            || places.potentials(f64::INFINITY),
+            || {
+                let across = [outside, behind, behind, outside, behind, behind, outside, behind];
+                let along =
+                    [plane_0, 0.5 * depth_0, plane_0, plane_1, 0.5 * depth_1, plane_1, at_end, at_end];
+                Places::in_plane(across, along).potentials(f64::INFINITY)
+            },
         );
         let under = |side: usize| {
             let depth = before[side][0];

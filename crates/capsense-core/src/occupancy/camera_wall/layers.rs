@@ -145,3 +145,48 @@ impl RayLayers {
         Some(Layer { object, end, faces: face.clipped(faces) })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Aabb;
+    use glam::DVec3;
+
+    /// Wherever an object is alone along one of two rays, the edge between them is marked, in rows of any length and from any column on.
+    #[test]
+    fn no_edge_is_passed_over_that_one_object_is_beside() {
+        const COUNTS: [usize; 2] = [13, 5];
+        let domain = Aabb { min: DVec3::ZERO, max: DVec3::splat(1.0) };
+        let lattice = Lattice::uniform(domain, [COUNTS[0] - 1, COUNTS[1] - 1, 4]).unwrap();
+        let mut state = 1_u64;
+        let mut noise = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / (1_u64 << 24) as f64
+        };
+        let mut found = 0;
+        for objects in [1, 2, 3, 70] {
+            let mut faces_of = |_| if noise() < 0.7 { MISSED } else { [noise(), 0.5 + noise()] };
+            let faces = (0..COUNTS[0] * COUNTS[1] * objects).map(&mut faces_of).collect();
+            let layers = RayLayers { objects, faces, near: IndexSet::default() };
+            let faces_and_rows = (0..5).flat_map(|plane| (0..COUNTS[1]).map(move |row| (plane, row)));
+            for (plane, row) in faces_and_rows {
+                let face = DualFace::at(&lattice, plane);
+                for (first, end) in (0..COUNTS[0]).flat_map(|a| (a + 1..=COUNTS[0]).map(move |b| (a, b))) {
+                    let columns = row * COUNTS[0] + first..row * COUNTS[0] + end;
+                    let leads_on = [end < COUNTS[0], row + 1 < COUNTS[1]];
+                    let marked = layers.differing(&face, columns.clone(), leads_on, COUNTS[0]);
+                    for (bit, column) in columns.enumerate() {
+                        let beyond = [first + bit + 1 < COUNTS[0], row + 1 < COUNTS[1]];
+                        for axis in (0..RAYS).filter(|&axis| beyond[axis]) {
+                            let only = layers.only_one(&face, [column, column + [1, COUNTS[0]][axis]]);
+                            let is_marked = marked[axis] >> bit & 1 != 0;
+                            assert!(is_marked || only.is_none(), "{objects} {plane} {column} {axis}");
+                            found += usize::from(only.is_some());
+                        }
+                    }
+                }
+            }
+        }
+        assert!(found > 1000, "{found}");
+    }
+}

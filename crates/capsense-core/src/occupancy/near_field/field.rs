@@ -50,6 +50,12 @@ impl<const N: usize> Places<N> {
     /// All of them at the place of the angle.
     pub(in super::super) const ORIGIN: Self = Self([[0.0; N]; 3]);
 
+    /// Points in a plane across the edge, so far before either face.
+    #[inline(always)]
+    pub(in super::super) fn in_plane(p: [f64; N], q: [f64; N]) -> Self {
+        Self([p, q, [0.0; N]])
+    }
+
     pub(in super::super) fn set(&mut self, point: usize, place: [f64; 3]) {
         (0..3).for_each(|coordinate| self.0[coordinate][point] = place[coordinate]);
     }
