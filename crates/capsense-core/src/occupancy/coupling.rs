@@ -86,6 +86,7 @@ pub(super) struct EdgeRule<'a> {
 
 impl EdgeRule<'_> {
     /// Applies the rule. `breaks` is working storage.
+    #[inline(always)]
     pub(super) fn coupling(self, breaks: &mut Vec<f64>) -> Coupling {
         let [from, to] = self.owners;
         if self.owners == [NO_OBJECT; 2] && self.conductors().next().is_none() {
@@ -104,20 +105,20 @@ impl EdgeRule<'_> {
             (true, false) if last == from => self.only_through(exit, 1.0, breaks),
             (false, true) if first == to => self.only_through(0.0, enter, breaks),
             _ => {
-                let mut coupling = Coupling::only_through(0.0);
-                for (end, part) in [(0, (first, 0.0, enter)), (1, (last, exit, 1.0))] {
-                    let (object, a, b) = part;
-                    if self.owners[end] == NO_OBJECT {
-                        coupling.object[end] = object;
-                        coupling.factor[end] = 1.0 / self.series(a, b, breaks);
-                    }
-                }
-                coupling
+                let mut link = |owner: u16, object: u16, a: f64, b: f64| match owner {
+                    NO_OBJECT => (object, 1.0 / self.series(a, b, breaks)),
+                    _ => (NO_OBJECT, 0.0),
+                };
+                // Put together from numbers: arrays that are written one by one are slow to be read as a whole.
+                let [(at_from, from), (at_to, to)] =
+                    [link(from, first, 0.0, enter), link(to, last, exit, 1.0)];
+                Coupling { through: 0.0, factor: [from, to], object: [at_from, at_to] }
             }
         }
     }
 
     /// What is left of it from one place on it to another.
+    #[inline]
     pub(super) fn only_through(&self, a: f64, b: f64, breaks: &mut Vec<f64>) -> Coupling {
         Coupling::only_through(1.0 / self.series(a, b, breaks))
     }

@@ -1,6 +1,6 @@
 //! Edges that are coupled anew: what becomes of each follows from the scene alone, so threads share them.
 
-use super::camera_wall::CameraWalls;
+use super::camera_wall::{CameraWalls, Cut};
 use super::coupling::{Coupling, EdgeRule};
 use super::index_set::IndexSet;
 use super::near_field::{Row, Wedges};
@@ -41,10 +41,12 @@ impl Batch {
     }
 }
 
-/// An edge, and whether surfaces may cut it another way than before; otherwise only what is around it is another.
+/// An edge, whether surfaces may cut it another way than before, and whether it is to be found out how they do; otherwise only what is
+/// around it is another.
 #[derive(Clone, Copy, Debug)]
 struct Asked {
     edge: u32,
+    is_marked: bool,
     is_cut_anew: bool,
 }
 
@@ -86,6 +88,8 @@ struct Room {
     row: Row,
     /// Conductors that touch electrodes, with the edges on which they do.
     contacts: Vec<(u32, Contact)>,
+    /// How surfaces cut edges of which that is kept.
+    cuts: Vec<(u32, Cut)>,
 }
 
 impl EdgesAnew {
@@ -105,6 +109,21 @@ impl EdgesAnew {
         workers: &Workers,
         sight: Sight<'_>,
         sets: [&mut IndexSet; 2],
+        known: KnownEdges<'_>,
+    ) {
+        match sight.wedges.has_any() {
+            true => self.take::<true>(workers, sight, sets, known),
+            false => self.take::<false>(workers, sight, sets, known),
+        }
+    }
+
+    /// The same, where nodes are beside edges of conductors or where none are: then what the edge rule makes of an edge is handed over in
+    /// registers, as it is slow to be read as a whole from memory where it was just written in parts.
+    fn take<const HAS_WEDGES: bool>(
+        &mut self,
+        workers: &Workers,
+        sight: Sight<'_>,
+        sets: [&mut IndexSet; 2],
         mut known: KnownEdges<'_>,
     ) {
         let parts = IndexSet::cut(sets, self.rooms.len());
@@ -117,8 +136,8 @@ impl EdgesAnew {
                 if !is_cut_anew && let Some((ends, coupling)) = sight.link_alone(edge) {
                     return known.couple(edge, ends, coupling, &mut replaced);
                 }
-                let Found { ends, coupling, is_met, .. } =
-                    room.look(sight, Asked { edge: edge as u32, is_cut_anew });
+                let Found { ends, coupling, is_met, .. } = room
+                    .look_inline::<HAS_WEDGES>(sight, Asked { edge: edge as u32, is_marked, is_cut_anew });
                 if is_cut_anew {
                     known.see(edge, is_met);
                 }
@@ -148,7 +167,7 @@ impl EdgesAnew {
         };
         marked.drain_with(around, |edge, is_marked| {
             let is_cut_anew = is_marked || sight.cuts_anew(&known, edge);
-            let asked = Asked { edge: edge as u32, is_cut_anew };
+            let asked = Asked { edge: edge as u32, is_marked, is_cut_anew };
             // A single thread takes each edge over as it comes.
             if let [room] = &mut self.rooms[..] {
                 return tell(&mut known, (asked, room.look(sight, asked)));
@@ -182,6 +201,11 @@ impl EdgesAnew {
         std::mem::swap(&mut self.asked, &mut self.known);
     }
 
+    /// How surfaces cut edges of which that is to be kept, each told once.
+    pub(super) fn cuts(&mut self) -> impl Iterator<Item = (u32, Cut)> {
+        self.rooms.iter_mut().flat_map(|room| room.cuts.drain(..))
+    }
+
     /// Conductors that touch electrodes on these edges, each told once.
     pub(super) fn contacts(&mut self) -> impl Iterator<Item = (u32, Contact)> {
         self.rooms.iter_mut().flat_map(|room| room.contacts.drain(..))
@@ -209,23 +233,40 @@ impl Sight<'_> {
 
 impl Room {
     /// Applies the edge rule to an edge.
-    #[inline]
-    fn look(&mut self, sight: Sight<'_>, Asked { edge, is_cut_anew }: Asked) -> Found {
+    fn look(&mut self, sight: Sight<'_>, asked: Asked) -> Found {
+        self.look_inline::<true>(sight, asked)
+    }
+
+    /// The same without a call, which would hand over in memory what it found.
+    #[inline(always)]
+    fn look_inline<const HAS_WEDGES: bool>(
+        &mut self,
+        sight: Sight<'_>,
+        Asked { edge, is_marked, is_cut_anew }: Asked,
+    ) -> Found {
         let Sight { scene, conductor, .. } = sight;
         let edge = edge as usize;
         let ends = scene.mesh.edges.ends_of_existing(edge);
-        let Self { spans, beside, breaks, contacts, .. } = self;
+        let Self { spans, beside, breaks, contacts, cuts, .. } = self;
         if !is_cut_anew {
             spans.clear();
-            let coupling = self.look_around(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
+            let coupling =
+                self.look_around::<HAS_WEDGES>(sight, (edge, ends), [NO_OBJECT; 2], Coupling::PLAIN);
             return Found { ends, coupling, filled: Filled::NOTHING, is_met: false };
         }
         let owners = ends.map(|node| conductor[node as usize]);
         let is_free = owners == [NO_OBJECT; 2];
         if owners[0] == owners[1] && !is_free {
             // Nothing on an edge within a conductor matters, and what a camera sees to hold both ends has no wall beside it.
-            let coupling = self.look_around(sight, (edge, ends), owners, Coupling::PLAIN);
+            let coupling = self.look_around::<HAS_WEDGES>(sight, (edge, ends), owners, Coupling::PLAIN);
             return Found { ends, coupling, filled: Filled::NOTHING, is_met: true };
+        }
+        if let Some(before) = sight.walls.cut_before(scene, edge).filter(|_| !is_marked) {
+            // Only the wall beside it is another.
+            let cut = sight.walls.past_wall(scene, (edge, ends), before.on_edge, before.coupling);
+            let is_met = before.is_met || cut != Coupling::PLAIN;
+            let coupling = self.look_around::<HAS_WEDGES>(sight, (edge, ends), owners, cut);
+            return Found { ends, coupling, filled: Filled::NOTHING, is_met };
         }
         sight.walls.find_spans(scene, (edge, ends), spans);
         if !spans.is_empty() && scene.is_at_electrode(ends) {
@@ -243,10 +284,17 @@ impl Room {
         let is_plain = is_free && rule.spans.is_empty();
         let mut cut = if is_plain { Coupling::PLAIN } else { rule.coupling(breaks) };
         if scene.has_camera_walls {
+            let kept = sight.walls.cut_to_keep(scene, (edge, ends), spans, (cut, is_met));
+            cuts.extend(kept.map(|kept| (edge as u32, kept)));
             cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
             is_met |= cut != Coupling::PLAIN;
         }
-        Found { ends, coupling: self.look_around(sight, (edge, ends), owners, cut), filled, is_met }
+        Found {
+            ends,
+            coupling: self.look_around::<HAS_WEDGES>(sight, (edge, ends), owners, cut),
+            filled,
+            is_met,
+        }
     }
 
     /// What an edge on which dielectrics are is, its spans being those found last, of which lines tell the more the weaker they are.
@@ -276,17 +324,28 @@ impl Room {
     }
 
     /// What the edge rule makes of an edge, its spans being those found last, and what is around it.
-    #[inline]
-    fn look_around(
+    #[inline(always)]
+    fn look_around<const HAS_WEDGES: bool>(
+        &mut self,
+        sight: Sight<'_>,
+        edge: (usize, [u32; 2]),
+        owners: [u16; 2],
+        cut: Coupling,
+    ) -> Coupling {
+        match HAS_WEDGES && sight.wedges.has_any() {
+            true => self.look_at_wedges(sight, edge, owners, cut),
+            false => cut,
+        }
+    }
+
+    /// The same where nodes are beside edges of conductors.
+    fn look_at_wedges(
         &mut self,
         Sight { scene, wedges, .. }: Sight<'_>,
         (edge, ends): (usize, [u32; 2]),
         owners: [u16; 2],
         cut: Coupling,
     ) -> Coupling {
-        if !wedges.has_any() {
-            return cut;
-        }
         let covered = if wedges.may_be_beside(ends, owners) {
             let Self { spans, beside, breaks, row, .. } = self;
             let star = wedges.star(ends[0] as usize, row);

@@ -377,6 +377,7 @@ impl Occupancy {
             None => anew.take_all(workers, sight, sets, self.known().0),
         }
         self.unstructured = unstructured;
+        walls.keep(anew.cuts());
         anew.replaced().for_each(|replaced| self.replaced.append(replaced));
         for (edge, contact) in anew.contacts() {
             self.touches.add(Touch { place: edge, contact });

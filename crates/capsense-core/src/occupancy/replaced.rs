@@ -70,7 +70,7 @@ impl<'a> KnownEdges<'a> {
     }
 
     /// Couples an edge.
-    #[inline]
+    #[inline(always)]
     pub(super) fn couple(&self, edge: usize, ends: [u32; 2], coupling: Coupling, replaced: &mut Replaced) {
         let before = self.couplings.get(edge);
         if coupling.is(before) {

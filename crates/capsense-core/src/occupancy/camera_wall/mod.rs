@@ -40,6 +40,7 @@ use dual_face::DualFace;
 use layers::RayLayers;
 use std::ops::Range;
 use walls::Walls;
+pub(super) use walls::{Cut, OnEdge};
 use ways::{EdgeAcross, Ways};
 
 /// Cameras look along this axis.
@@ -156,6 +157,32 @@ impl CameraWalls {
         }
     }
 
+    /// What is kept of how surfaces cut an edge across the rays when they last may have cut it another way.
+    #[inline]
+    pub(super) fn cut_before(&self, scene: &Scene<'_>, edge: usize) -> Option<&Cut> {
+        // What lines tell of an edge is not kept.
+        if scene.has_camera_walls && !scene.has_lines { self.of_edges.cut(edge) } else { None }
+    }
+
+    /// How surfaces cut an edge, if that is to be kept: across the rays beside a wall, for what the wall leaves may soon be another though
+    /// surfaces cut the edge as before. What touches an electrode is looked for anew.
+    #[inline]
+    pub(super) fn cut_to_keep(
+        &self,
+        scene: &Scene<'_>,
+        (edge, ends): (usize, [u32; 2]),
+        spans: &[(u16, Span)],
+        (coupling, is_met): (Coupling, bool),
+    ) -> Option<Cut> {
+        let is_kept = edge % 3 != RAYS && self.of_edges.may_have(edge) && !scene.is_at_electrode(ends);
+        is_kept.then(|| Cut { coupling, on_edge: OnEdge::of(spans), is_met })
+    }
+
+    /// Keeps how surfaces cut some edges.
+    pub(super) fn keep(&mut self, cuts: impl Iterator<Item = (u32, Cut)>) {
+        cuts.for_each(|(edge, cut)| self.of_edges.keep(edge as usize, cut));
+    }
+
     /// Corrects what the edge rule makes of an edge for walls of a body that are along the rays: beside an edge across these, and around
     /// an end of one along them. `on_edge` are the spans of the edge, `held` tells the conductors that hold nodes. Where other objects
     /// are as well, the edge rule stays.
@@ -169,7 +196,7 @@ impl CameraWalls {
         cut: Coupling,
     ) -> Coupling {
         match (edge % 3 == RAYS, on_edge) {
-            (false, _) => self.past_wall(scene, (edge, ends), on_edge, cut),
+            (false, _) => self.past_wall(scene, (edge, ends), OnEdge::of(on_edge), cut),
             (true, &[(object, span)]) => {
                 self.under_walls(scene, (edge, ends), held, (object.into(), span), cut)
             }
@@ -178,16 +205,21 @@ impl CameraWalls {
     }
 
     /// An edge across the rays.
-    fn past_wall(
+    #[inline]
+    pub(super) fn past_wall(
         &self,
         scene: &Scene<'_>,
         (edge, ends): (usize, [u32; 2]),
-        on_edge: &[(u16, Span)],
+        on_edge: OnEdge,
         cut: Coupling,
     ) -> Coupling {
         let Some(beside) = self.of_edges.get(edge) else { return cut };
-        // Where the end is under a face, but the body is on the edge, surfaces slant.
-        let is_alone = on_edge.iter().all(|&(other, _)| !beside.is_under && other == beside.object);
+        let is_alone = match on_edge {
+            OnEdge::Nothing => true,
+            // Where the end is under a face, but the body is on the edge, surfaces slant.
+            OnEdge::One(object) => !beside.is_under && object == beside.object,
+            OnEdge::Several => false,
+        };
         // An electrode in the body is linked to it as before.
         if !is_alone || scene.mesh.terminals[ends[usize::from(beside.end)] as usize] != FREE {
             return cut;
@@ -206,25 +238,25 @@ impl CameraWalls {
         (object, span): (usize, Span),
         cut: Coupling,
     ) -> Coupling {
-        let mut coupling = cut;
-        let mut shorter = 0.0;
-        for (end, gap) in [span.enter, 1.0 - span.exit].into_iter().enumerate() {
+        // By how much the link from an end is more, and the rest of the edge shorter.
+        let under = |end: usize, gap: f64| {
             let [node, behind] = [ends[end] as usize, ends[1 - end] as usize];
             if gap <= 0.0 || held[node] != NO_OBJECT || scene.mesh.terminals[node] != FREE {
-                continue;
+                return [1.0, 0.0];
             }
             let gap = if scene.is_conductor(object) { gap.max(SMALLEST_PART) } else { gap };
             let more = gap * self.taps(scene, edge, [node, behind], held, object);
             if usize::from(cut.object[end]) == object {
-                coupling.factor[end] *= 1.0 + more;
+                [1.0 + more, 0.0]
             } else {
-                shorter += gap * more / (1.0 + more);
+                [1.0, gap * more / (1.0 + more)]
             }
-        }
-        if shorter > 0.0 && shorter * cut.through < 1.0 {
-            coupling.through = cut.through / (1.0 - shorter * cut.through);
-        }
-        coupling
+        };
+        let [[first, shorter], [second, also_shorter]] = [under(0, span.enter), under(1, 1.0 - span.exit)];
+        let shorter = shorter + also_shorter;
+        let is_shorter = shorter > 0.0 && shorter * cut.through < 1.0;
+        let through = if is_shorter { cut.through / (1.0 - shorter * cut.through) } else { cut.through };
+        Coupling { through, factor: [first * cut.factor[0], second * cut.factor[1]], object: cut.object }
     }
 
     /// The taps of the edges across the rays at a node under the face of an object, in parts of the weight of the edge that leads through

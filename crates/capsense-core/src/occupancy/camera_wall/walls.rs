@@ -1,20 +1,61 @@
 //! What walls leave of the edges beside them, found by edge at once.
 
 use super::beside::BesideWall;
+use crate::occupancy::{Coupling, Span};
 use std::ops::Range;
 
 const BITS: usize = u64::BITS as usize;
+
+/// What the edge rule made of an edge when surfaces last cut it anew, and what was on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::occupancy) struct Cut {
+    pub(in crate::occupancy) coupling: Coupling,
+    pub(in crate::occupancy) on_edge: OnEdge,
+    /// Whether an object meets the edge.
+    pub(in crate::occupancy) is_met: bool,
+}
+
+/// The objects on an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::occupancy) enum OnEdge {
+    /// None.
+    Nothing,
+    /// One alone.
+    One(u16),
+    /// More than one.
+    Several,
+}
+
+impl OnEdge {
+    /// What the spans of an edge tell, one for each object.
+    #[inline]
+    pub(in crate::occupancy) fn of(spans: &[(u16, Span)]) -> Self {
+        match *spans {
+            [] => Self::Nothing,
+            [(object, _)] => Self::One(object),
+            _ => Self::Several,
+        }
+    }
+}
+
+/// An edge that a wall is or was beside.
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    edge: u32,
+    wall: Option<BesideWall>,
+    cut: Option<Cut>,
+}
 
 /// What walls leave of edges below a bound: in the order of the edges, with the number of those before each 64. Of an edge that no
 /// wall is beside any more nothing is kept but its place, as one may soon be there again.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Walls {
-    of_edges: Vec<(u32, Option<BesideWall>)>,
+    of_edges: Vec<Kept>,
     /// One bit for each edge, and how many edges are before those of each word that has any.
     words: Vec<u64>,
     before: Vec<u32>,
     /// Working storage: edges that have no place yet.
-    others: Vec<(u32, Option<BesideWall>)>,
+    others: Vec<Kept>,
 }
 
 impl Walls {
@@ -27,7 +68,20 @@ impl Walls {
     /// What a wall leaves of an edge, if it is beside one.
     #[inline]
     pub(super) fn get(&self, edge: usize) -> Option<&BesideWall> {
-        self.of_edges.get(self.place(edge)?)?.1.as_ref()
+        self.of_edges.get(self.place(edge)?)?.wall.as_ref()
+    }
+
+    /// What is kept of how surfaces cut an edge. Whoever cuts one anew that has a place is to tell [`Walls::keep`].
+    #[inline]
+    pub(super) fn cut(&self, edge: usize) -> Option<&Cut> {
+        self.of_edges.get(self.place(edge)?)?.cut.as_ref()
+    }
+
+    /// Keeps how surfaces cut an edge that has a place.
+    pub(super) fn keep(&mut self, edge: usize, cut: Cut) {
+        if let Some(place) = self.place(edge) {
+            self.of_edges[place].cut = Some(cut);
+        }
     }
 
     /// Whether an edge has a place; others are beside no wall.
@@ -53,8 +107,8 @@ impl Walls {
     pub(super) fn take(&mut self, changes: impl Iterator<Item = (u32, Option<BesideWall>)>) {
         for (edge, now) in changes {
             match self.place(edge as usize) {
-                Some(place) => self.of_edges[place].1 = now,
-                None => self.others.push((edge, now)),
+                Some(place) => self.of_edges[place].wall = now,
+                None => self.others.push(Kept { edge, wall: now, cut: None }),
             }
         }
         if !self.others.is_empty() {
@@ -66,10 +120,12 @@ impl Walls {
     /// Takes back the places of edges that no wall is beside, once these are more than half.
     fn forget_empty(&mut self) {
         let Self { of_edges, words, .. } = self;
-        if 2 * of_edges.iter().filter(|(_, wall)| wall.is_none()).count() > of_edges.len() {
-            of_edges.iter().for_each(|(edge, _)| words[*edge as usize / BITS] = 0);
-            of_edges.retain(|(_, wall)| wall.is_some());
-            of_edges.iter().for_each(|(edge, _)| words[*edge as usize / BITS] |= 1 << (edge % BITS as u32));
+        if 2 * of_edges.iter().filter(|kept| kept.wall.is_none()).count() > of_edges.len() {
+            of_edges.iter().for_each(|kept| words[kept.edge as usize / BITS] = 0);
+            of_edges.retain(|kept| kept.wall.is_some());
+            of_edges
+                .iter()
+                .for_each(|kept| words[kept.edge as usize / BITS] |= 1 << (kept.edge % BITS as u32));
         }
     }
 
@@ -80,15 +136,15 @@ impl Walls {
         let Some(&last) = others.last() else { return };
         of_edges.resize(end + others.len(), last);
         while let Some(other) = others.pop() {
-            let place = of_edges[..end].partition_point(|(edge, _)| *edge < other.0);
+            let place = of_edges[..end].partition_point(|kept| kept.edge < other.edge);
             of_edges.copy_within(place..end, place + others.len() + 1);
             of_edges[place + others.len()] = other;
-            words[other.0 as usize / BITS] |= 1 << (other.0 % BITS as u32);
+            words[other.edge as usize / BITS] |= 1 << (other.edge % BITS as u32);
             end = place;
         }
         let mut last = None;
-        for (place, (edge, _)) in of_edges.iter().enumerate() {
-            let word = *edge as usize / BITS;
+        for (place, kept) in of_edges.iter().enumerate() {
+            let word = kept.edge as usize / BITS;
             if last.replace(word) != Some(word) {
                 before[word] = place as u32;
             }
@@ -97,7 +153,7 @@ impl Walls {
 
     /// Forgets all, and visits them.
     pub(super) fn drain(&mut self, mut visit: impl FnMut(usize, &BesideWall)) {
-        for (edge, wall) in self.of_edges.drain(..) {
+        for Kept { edge, wall, .. } in self.of_edges.drain(..) {
             self.words[edge as usize / BITS] = 0;
             wall.iter().for_each(|wall| visit(edge as usize, wall));
         }
@@ -124,7 +180,7 @@ mod tests {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             (state >> 33) as usize % below
         };
-        let (mut fewest, mut largest) = (EDGES, 0);
+        let (mut fewest, mut largest, mut cuts) = (EDGES, 0, BTreeMap::new());
         for round in 0..400 {
             let near = 9 * round..9 * round + 400;
             let mut told = BTreeMap::new();
@@ -144,6 +200,16 @@ mod tests {
             walls.take(told.into_iter());
             for edge in 0..EDGES {
                 assert_eq!(walls.get(edge), map.get(&(edge as u32)), "{round} {edge}");
+                // Cuts stay with their edges as long as these have places.
+                let cut = walls.cut(edge).map(|cut| cut.coupling.through);
+                assert!(cut.is_none() || cut == cuts.get(&edge).copied(), "{round} {edge}");
+                assert!(cut.is_some() || !map.contains_key(&(edge as u32)) || !cuts.contains_key(&edge));
+            }
+            cuts.retain(|&edge, _| walls.may_have(edge));
+            for edge in map.keys().map(|&edge| edge as usize).filter(|edge| edge % 5 == round % 5) {
+                let coupling = Coupling::only_through(noise(1000) as f64);
+                walls.keep(edge, Cut { coupling, on_edge: OnEdge::Nothing, is_met: false });
+                cuts.insert(edge, coupling.through);
             }
             let places = walls.of_edges.len();
             (fewest, largest) =
