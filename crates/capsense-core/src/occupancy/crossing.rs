@@ -397,8 +397,8 @@ impl Walk<'_> {
             return Some(LayerWay {
                 part,
                 faces: quarter.at_both(part.map(uv_at)),
-                seen: line.depths(pixel).map(f64::from),
-                behind: line.depths_behind(pixel).map(|depths| depths.map(f64::from)),
+                seen: line.depths(pixel),
+                behind: line.depths_behind(pixel),
                 spacing: self.spacing,
             });
         }

@@ -1,6 +1,6 @@
 //! Edges that are coupled anew: what becomes of each follows from the scene alone, so threads share them.
 
-use super::camera_wall::{CameraWalls, Cut};
+use super::camera_wall::{CameraWalls, Cut, OnEdge};
 use super::coupling::{Coupling, EdgeRule};
 use super::index_set::IndexSet;
 use super::near_field::{Row, Wedges};
@@ -89,7 +89,7 @@ struct Room {
     /// Conductors that touch electrodes, with the edges on which they do.
     contacts: Vec<(u32, Contact)>,
     /// How surfaces cut edges of which that is kept.
-    cuts: Vec<(u32, Cut)>,
+    cuts: Vec<Cut>,
 }
 
 impl EdgesAnew {
@@ -126,6 +126,9 @@ impl EdgesAnew {
         sets: [&mut IndexSet; 2],
         mut known: KnownEdges<'_>,
     ) {
+        // Room for no more cuts than may be kept, where one thread finds them all.
+        let cuts = sight.walls.most_cuts().div_ceil(self.rooms.len().max(1));
+        self.rooms.iter_mut().for_each(|room| room.cuts.reserve_exact(cuts));
         let parts = IndexSet::cut(sets, self.rooms.len());
         let tasks =
             parts.zip(&mut self.rooms).map(move |(part, room)| (known.split_to(part.end()), part, room));
@@ -202,7 +205,7 @@ impl EdgesAnew {
     }
 
     /// How surfaces cut edges of which that is to be kept, each told once.
-    pub(super) fn cuts(&mut self) -> impl Iterator<Item = (u32, Cut)> {
+    pub(super) fn cuts(&mut self) -> impl Iterator<Item = Cut> {
         self.rooms.iter_mut().flat_map(|room| room.cuts.drain(..))
     }
 
@@ -264,7 +267,7 @@ impl Room {
         if let Some(before) = sight.walls.cut_before(scene, edge).filter(|_| !is_marked) {
             // Only the wall beside it is another.
             let cut = sight.walls.past_wall(scene, (edge, ends), before.on_edge, before.coupling);
-            let is_met = before.is_met || cut != Coupling::PLAIN;
+            let is_met = before.on_edge != OnEdge::Nothing || !is_free || cut != Coupling::PLAIN;
             let coupling = self.look_around::<HAS_WEDGES>(sight, (edge, ends), owners, cut);
             return Found { ends, coupling, filled: Filled::NOTHING, is_met };
         }
@@ -284,8 +287,8 @@ impl Room {
         let is_plain = is_free && rule.spans.is_empty();
         let mut cut = if is_plain { Coupling::PLAIN } else { rule.coupling(breaks) };
         if scene.has_camera_walls {
-            let kept = sight.walls.cut_to_keep(scene, (edge, ends), spans, (cut, is_met));
-            cuts.extend(kept.map(|kept| (edge as u32, kept)));
+            let kept = sight.walls.cut_to_keep(scene, (edge, ends), spans, cut);
+            cuts.extend(kept);
             cut = sight.walls.correct(scene, (edge, ends), conductor, spans, cut);
             is_met |= cut != Coupling::PLAIN;
         }

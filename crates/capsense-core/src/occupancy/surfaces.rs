@@ -96,9 +96,9 @@ pub struct LayerWay {
     /// Front and back of the object where that starts and where it ends.
     pub faces: [[f64; 2]; 2],
     /// The object's front and back as seen there, and by the next ray on the way unless that misses it.
-    pub seen: [f64; 2],
+    pub seen: [f32; 2],
     /// What the next ray sees.
-    pub behind: Option<[f64; 2]>,
+    pub behind: Option<[f32; 2]>,
     /// How far apart these rays are.
     pub spacing: f64,
 }
@@ -123,7 +123,7 @@ impl LayerWay {
     fn rise(&self, [low, high]: [f64; 2]) -> f64 {
         let Some(behind) = self.behind else { return 0.0 };
         let rise = |side: usize| {
-            let (here, there) = (self.seen[side], behind[side]);
+            let (here, there) = (f64::from(self.seen[side]), f64::from(behind[side]));
             if low < here && here < high { (there - here).abs() } else { 0.0 }
         };
         rise(0).max(rise(1))

@@ -172,15 +172,20 @@ impl CameraWalls {
         scene: &Scene<'_>,
         (edge, ends): (usize, [u32; 2]),
         spans: &[(u16, Span)],
-        (coupling, is_met): (Coupling, bool),
+        coupling: Coupling,
     ) -> Option<Cut> {
         let is_kept = edge % 3 != RAYS && self.of_edges.may_have(edge) && !scene.is_at_electrode(ends);
-        is_kept.then(|| Cut { coupling, on_edge: OnEdge::of(spans), is_met })
+        is_kept.then(|| Cut { coupling, edge: edge as u32, on_edge: OnEdge::of(spans) })
+    }
+
+    /// Of no more edges it may be kept how surfaces cut them.
+    pub(super) fn most_cuts(&self) -> usize {
+        self.of_edges.places()
     }
 
     /// Keeps how surfaces cut some edges.
-    pub(super) fn keep(&mut self, cuts: impl Iterator<Item = (u32, Cut)>) {
-        cuts.for_each(|(edge, cut)| self.of_edges.keep(edge as usize, cut));
+    pub(super) fn keep(&mut self, cuts: impl Iterator<Item = Cut>) {
+        cuts.for_each(|cut| self.of_edges.keep(cut));
     }
 
     /// Corrects what the edge rule makes of an edge for walls of a body that are along the rays: beside an edge across these, and around

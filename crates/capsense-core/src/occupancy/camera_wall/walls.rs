@@ -10,9 +10,8 @@ const BITS: usize = u64::BITS as usize;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::occupancy) struct Cut {
     pub(in crate::occupancy) coupling: Coupling,
+    pub(in crate::occupancy) edge: u32,
     pub(in crate::occupancy) on_edge: OnEdge,
-    /// Whether an object meets the edge.
-    pub(in crate::occupancy) is_met: bool,
 }
 
 /// The objects on an edge.
@@ -55,7 +54,7 @@ pub(super) struct Walls {
     words: Vec<u64>,
     before: Vec<u32>,
     /// Working storage: edges that have no place yet.
-    others: Vec<Kept>,
+    others: Vec<(u32, Option<BesideWall>)>,
 }
 
 impl Walls {
@@ -78,10 +77,15 @@ impl Walls {
     }
 
     /// Keeps how surfaces cut an edge that has a place.
-    pub(super) fn keep(&mut self, edge: usize, cut: Cut) {
-        if let Some(place) = self.place(edge) {
+    pub(super) fn keep(&mut self, cut: Cut) {
+        if let Some(place) = self.place(cut.edge as usize) {
             self.of_edges[place].cut = Some(cut);
         }
+    }
+
+    /// How many edges have places.
+    pub(super) fn places(&self) -> usize {
+        self.of_edges.len()
     }
 
     /// Whether an edge has a place; others are beside no wall.
@@ -108,7 +112,7 @@ impl Walls {
         for (edge, now) in changes {
             match self.place(edge as usize) {
                 Some(place) => self.of_edges[place].wall = now,
-                None => self.others.push(Kept { edge, wall: now, cut: None }),
+                None => self.others.push((edge, now)),
             }
         }
         if !self.others.is_empty() {
@@ -133,13 +137,12 @@ impl Walls {
     fn give_places(&mut self) {
         let Self { of_edges, words, before, others } = self;
         let mut end = of_edges.len();
-        let Some(&last) = others.last() else { return };
-        of_edges.resize(end + others.len(), last);
-        while let Some(other) = others.pop() {
-            let place = of_edges[..end].partition_point(|kept| kept.edge < other.edge);
+        of_edges.resize(end + others.len(), Kept { edge: 0, wall: None, cut: None });
+        while let Some((edge, wall)) = others.pop() {
+            let place = of_edges[..end].partition_point(|kept| kept.edge < edge);
             of_edges.copy_within(place..end, place + others.len() + 1);
-            of_edges[place + others.len()] = other;
-            words[other.edge as usize / BITS] |= 1 << (other.edge % BITS as u32);
+            of_edges[place + others.len()] = Kept { edge, wall, cut: None };
+            words[edge as usize / BITS] |= 1 << (edge % BITS as u32);
             end = place;
         }
         let mut last = None;
@@ -208,7 +211,7 @@ mod tests {
             cuts.retain(|&edge, _| walls.may_have(edge));
             for edge in map.keys().map(|&edge| edge as usize).filter(|edge| edge % 5 == round % 5) {
                 let coupling = Coupling::only_through(noise(1000) as f64);
-                walls.keep(edge, Cut { coupling, on_edge: OnEdge::Nothing, is_met: false });
+                walls.keep(Cut { coupling, edge: edge as u32, on_edge: OnEdge::Nothing });
                 cuts.insert(edge, coupling.through);
             }
             let places = walls.of_edges.len();

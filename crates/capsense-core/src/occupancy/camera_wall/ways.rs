@@ -30,9 +30,9 @@ pub(super) struct Ways {
 /// The way between a pair of columns to an object along the ray at one end.
 #[derive(Clone, Copy, Debug)]
 struct Known {
-    pair: usize,
-    object: usize,
-    end: usize,
+    pair: u32,
+    object: u16,
+    end: u16,
     way: Option<LayerWay>,
 }
 
@@ -52,14 +52,15 @@ impl Ways {
         find: impl FnOnce() -> Option<LayerWay>,
     ) -> Option<&LayerWay> {
         let Self { places, known } = self;
+        let (object, end, number) = (object as u16, end as u16, pair as u32);
         let mut place = places[pair] as usize;
-        if known.get(place).is_none_or(|known| known.pair != pair) {
+        if known.get(place).is_none_or(|known| known.pair != number) {
             place = known.len();
             places[pair] = place as u32;
-            known.push(Known { pair, object, end, way: find() });
+            known.push(Known { pair: number, object, end, way: find() });
         } else if (known[place].object, known[place].end) != (object, end) {
             // Of several objects or steps along the same rays, each is before or behind the others.
-            known[place] = Known { pair, object, end, way: find() };
+            known[place] = Known { pair: number, object, end, way: find() };
         }
         known[place].way.as_ref()
     }

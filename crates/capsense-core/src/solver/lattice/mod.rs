@@ -43,7 +43,7 @@ use crate::mesh::Lattice;
 use crate::occupancy::Occupancy;
 use crate::stiffness::StiffnessMatrix;
 use crate::workers::Workers;
-use charges::{NodeCharges, Place, StoredPlace};
+use charges::{NodeCharges, Place};
 use held::{Energies, Held};
 use hierarchy::Hierarchy;
 pub(super) use hierarchy::coarsenings;
@@ -96,8 +96,6 @@ pub(crate) struct LatticeSolver {
     held: Held,
     /// Room for one node.
     node: NodeCharges,
-    /// Where nodes are whose row, state or neighbour's potential changed.
-    changed: Vec<StoredPlace>,
     /// Where rows changed, and what is worked on there.
     blocks: Blocks,
     room: Room,
@@ -147,7 +145,6 @@ impl LatticeSolver {
             of_free: vec![0.0; columns * columns],
             held: Held::new(counts.into_iter().product()),
             node: NodeCharges::new(columns),
-            changed: Vec::new(),
             blocks: Blocks::new(&of_nodes, columns),
             room: Room::new(&of_nodes, &layout),
             charges: vec![vec![0.0; PIECE]; parts.slabs.len()],
@@ -270,7 +267,6 @@ impl LatticeSolver {
     pub(crate) fn settle(&mut self) {
         self.hierarchy.settle();
         self.blocks.settle();
-        self.changed = Vec::new();
     }
 
     /// Where a node stands in the vectors.
@@ -302,7 +298,6 @@ impl LatticeSolver {
             held,
             state,
             node,
-            changed: changed_places,
             blocks,
             room,
             workers,
@@ -313,12 +308,10 @@ impl LatticeSolver {
         let can_wait = increment.is_known;
         let finest = || hierarchy.refresh_finest(arch, matrix, fixed, changed, can_wait);
         let besides = || {
-            changed_places.clear();
             for &node in changed {
                 let row = node as usize;
                 let indices = of_nodes.indices(row);
                 let place = Place::at(indices, &of_nodes, &layout);
-                changed_places.push(place.stored());
                 potentials.refresh(matrix, row, (place.colour, place.at));
                 if fixed[row] {
                     held.list(&layout, potentials, node, place);
@@ -336,7 +329,7 @@ impl LatticeSolver {
             let mut rows =
                 Refreshed { of_nodes, potentials, links, finest, increment, of_free, state, blocks, room };
             rows.refresh(workers, arch);
-            rows.relax(changed_places);
+            rows.relax(changed);
             let Refreshed { potentials, finest, of_free, state, .. } = rows;
             Energies { of_nodes, potentials, links, finest, of_free, held, state, node }.add_held();
         };

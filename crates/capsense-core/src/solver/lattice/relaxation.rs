@@ -137,7 +137,6 @@ impl Room {
     }
 
     /// Gives a free node the next number.
-    #[inline]
     fn enter(&mut self, finest: &Level, place: Place) -> u32 {
         let Level { b, charges, .. } = finest;
         let number = self.places.len() as u32;
@@ -203,7 +202,7 @@ impl Room {
 
 impl Refreshed<'_> {
     /// Relaxes those of some nodes that are free.
-    pub(super) fn relax(&mut self, nodes: &[StoredPlace]) {
+    pub(super) fn relax(&mut self, nodes: &[u32]) {
         let layout = self.finest.layout;
         if FEW * nodes.len() > layout.counts.into_iter().product() {
             return;
@@ -221,8 +220,8 @@ impl Refreshed<'_> {
     }
 
     /// Takes the nodes that are free.
-    fn list(&mut self, nodes: &[StoredPlace]) {
-        let Self { finest, increment, state, room, .. } = self;
+    fn list(&mut self, nodes: &[u32]) {
+        let Self { of_nodes, finest, increment, state, room, .. } = self;
         let (layout, finest) = (finest.layout, &**finest);
         let energy = |column: usize| state.energies[column * layout.columns + column];
         let own = room.groups.iter().zip(room.ahead.iter_mut().zip(&mut room.per_energy));
@@ -232,8 +231,8 @@ impl Refreshed<'_> {
         }
         room.places.push(Place { colour: 0, at: 0, first: 0 }.stored());
         room.residuals.resize(room.groups.len(), Residual::default());
-        for node in nodes {
-            let place = node.get();
+        for &node in nodes {
+            let place = Place::of(node as usize, of_nodes, &layout);
             let inverse = finest.stencil.centre[place.colour][place.at];
             let is_listed = room.numbers[place.colour][place.at] != 0;
             if inverse != 0.0 && !is_listed {
