@@ -33,48 +33,70 @@ pub(crate) struct ConvergeArguments {
     /// Only bodies whose name contains this
     #[arg(long, default_value = "")]
     body: String,
+    /// Errors of each of these lattices, which are made for the body, against the references
+    #[arg(long)]
+    each: bool,
 }
 
-/// Prints the changes by each body on the finest lattice, extrapolated, and by how much that is off the reference.
+/// Prints the changes by each body on the finest lattice, extrapolated, and by how much that is off the reference; or the errors of each
+/// lattice.
 pub(crate) fn converge(arguments: &ConvergeArguments) -> Result<()> {
     let references = References::load()?;
     let bodies: Vec<Body> = bodies().into_iter().filter(|body| body.name.contains(&arguments.body)).collect();
     ensure!(!bodies.is_empty(), "no body is called {}", arguments.body);
-    println!(
-        "Changes in fF, extrapolated, and in parentheses by how many percent they exceed the reference.\n"
-    );
-    println!("| body | | finest lattice | {} | reference from |", ENTRIES.map(|entry| entry.0).join(" | "));
-    println!("|---|---|---:|{}---|", "---:|".repeat(ENTRIES.len()));
+    let entries = ENTRIES.map(|entry| entry.0).join(" | ");
+    if arguments.each {
+        println!("Errors in percent of the references, of lattices made for each body.\n");
+        println!("| body | | tetrahedra | {entries} |\n|---|---|---:|{}", "---:|".repeat(ENTRIES.len()));
+    } else {
+        println!(
+            "Changes in fF, extrapolated, and in parentheses by how many percent they exceed the reference.\n"
+        );
+        println!("| body | | finest lattice | {entries} | reference from |");
+        println!("|---|---|---:|{}---|", "---:|".repeat(ENTRIES.len()));
+    }
     for body in bodies {
         let ladder = ladder(body, arguments.levels)?;
         for (number, (connection, _)) in CONNECTIONS.into_iter().enumerate() {
             let values: Vec<Entries> = ladder.changes.iter().map(|changes| changes[number]).collect();
+            let reference = references.change(ladder.name, connection)?;
+            if arguments.each {
+                print_each(&ladder, connection, &values, &reference);
+                continue;
+            }
             let limit = extrapolated(&values);
-            let errors = percent(&limit, &references.change(ladder.name, connection)?);
             let cells: String = limit
                 .iter()
-                .zip(errors)
+                .zip(percent(&limit, &reference))
                 .map(|(limit, error)| format!(" {limit:.5} ({error:+.2}) |"))
                 .collect();
-            let origin = references.origin(ladder.name, connection)?;
-            println!("| {} | {connection} | {} |{cells} {origin} |", ladder.name, ladder.finest);
+            let (finest, origin) =
+                (ladder.tetrahedra.last().unwrap_or(&0), references.origin(ladder.name, connection)?);
+            println!("| {} | {connection} | {finest} |{cells} {origin} |", ladder.name);
         }
     }
     Ok(())
 }
 
+fn print_each(ladder: &Ladder, connection: &str, values: &[Entries], reference: &Entries) {
+    for (tetrahedra, values) in ladder.tetrahedra.iter().zip(values) {
+        let cells: String = percent(values, reference).iter().map(|error| format!(" {error:.2} |")).collect();
+        println!("| {} | {connection} | {tetrahedra} |{cells}", ladder.name);
+    }
+}
+
 /// What the lattices of one body gave, the coarsest first.
 struct Ladder {
     name: &'static str,
-    /// Number of tetrahedra of the last.
-    finest: usize,
+    /// Number of tetrahedra of each.
+    tetrahedra: Vec<usize>,
     changes: Vec<[Entries; CONNECTIONS.len()]>,
 }
 
 fn ladder(body: Body, levels: u32) -> Result<Ladder> {
     let design = stripes();
     let mut lattice = fitted(&design, &body)?;
-    let mut ladder = Ladder { name: body.name, finest: 0, changes: Vec::new() };
+    let mut ladder = Ladder { name: body.name, tetrahedra: Vec::new(), changes: Vec::new() };
     let body = [body];
     for level in 0..=levels {
         if level > 0 {
@@ -82,7 +104,7 @@ fn ladder(body: Body, levels: u32) -> Result<Ladder> {
         }
         let measured = measure(&Sensor::on_lattice(&design, &lattice)?, &body)?;
         ladder.changes.extend(measured.changes);
-        ladder.finest = lattice.tet_count();
+        ladder.tetrahedra.push(lattice.tet_count());
     }
     Ok(ladder)
 }
