@@ -25,10 +25,10 @@ use clap::Args;
 use std::array::from_fn;
 
 /// Of cells, in their heights.
-const WIDTHS: [f64; 2] = [0.55, 1.0];
+const WIDTHS: [f64; 4] = [0.55, 1.0, 1.6, 2.4];
 
 /// Of plates, in heights of cells, as all lengths are.
-const THICKNESSES: [f64; 8] = [0.1, 0.2, 0.35, 0.55, 0.75, 0.9, 1.1, 1.3];
+const THICKNESSES: [f64; 12] = [0.1, 0.2, 0.35, 0.55, 0.75, 0.9, 1.1, 1.3, 1.6, 1.9, 2.2, 2.6];
 const QUICK_THICKNESSES: [f64; 2] = [0.2, 0.9];
 
 /// From the nearest row to the plate's middle.
@@ -44,10 +44,12 @@ const END_PLACES: [f64; 5] = [0.08, 0.3, 0.5, 0.7, 0.92];
 const DECAYS: [f64; 4] = [0.18, 0.27, 0.36, 0.45];
 
 /// From the middle to the boundary, above and below.
-const ROWS: usize = 11;
+const ROWS: f64 = 11.0;
 
-/// About half the plate's width.
+/// About half the plate's width. Wide cells are told of by a wider plate, of so many columns at least, in fields that decay as much over it
+/// and in a section as large over it.
 const HALF_WIDTH: f64 = 2.78;
+const COLUMNS: f64 = 3.0;
 
 /// From the middle to the boundary aside, in half widths of the plate.
 const ASIDE_OF_PLATE: f64 = 3.6;
@@ -147,6 +149,7 @@ pub(crate) type Changes = DVec4;
 pub(crate) struct Study {
     width: f64,
     thickness: f64,
+    decays: [f64; DECAYS.len()],
     fields: Vec<Field>,
     section: Section,
     empty: Energies,
@@ -156,19 +159,22 @@ pub(crate) struct Study {
 
 impl Study {
     pub(crate) fn new(width: f64, thickness: f64, grading: Grading) -> Self {
-        let half = (HALF_WIDTH / width).round();
+        let half = (HALF_WIDTH / width).round().max(COLUMNS);
+        let scale = f64::max(half * width / HALF_WIDTH, 1.0);
+        let decays = DECAYS.map(|decay| decay / scale);
         let columns = (ASIDE_OF_PLATE * half) as usize;
         let xs: Vec<f64> = (0..=columns).map(|k| width * k as f64).collect();
-        let zs = (0..=2 * ROWS).map(|k| k as f64 - ROWS as f64).collect();
-        let fields = fields(|decay| 2.0 / width * (width * (0.5 * decay).sinh()).asin());
+        let rows = (ROWS * scale).round();
+        let zs = (0..=2 * rows as usize).map(|k| k as f64 - rows).collect();
+        let fields = fields(decays, |decay| 2.0 / width * (width * (0.5 * decay).sinh()).asin());
         let section = Section::new([xs, zs]);
         let empty = section.energies(&fields);
         let plates = END_PLACES.map(|place| {
             let end = (half - place) * width;
             let boundary = width * columns as f64;
-            (end, limit(grading, |grading| reference(grading, end, boundary, thickness)))
+            (end, limit(grading, |grading| reference(grading, decays, [end, boundary, rows], thickness)))
         });
-        Self { width, thickness, fields, section, empty, plates }
+        Self { width, thickness, decays, fields, section, empty, plates }
     }
 
     /// For each place of the end, with the plate's middle so far above a row.
@@ -186,7 +192,7 @@ impl Study {
             from_fn(|k| {
                 let decay = match k {
                     0 => 0.0,
-                    _ => DECAYS[(k - 1) % DECAYS.len()],
+                    _ => self.decays[(k - 1) % DECAYS.len()],
                 };
                 100.0 * (responses[k] * (2.0 * decay * middle).exp() / right[k] - 1.0)
             })
@@ -236,17 +242,22 @@ impl Study {
 }
 
 /// Uniform and decaying, with as many waves as fit the decay.
-fn fields(wave: impl Fn(f64) -> f64) -> Vec<Field> {
-    let decaying = DECAYS.map(|decay| Field::Wave { decay, wave: wave(decay) });
+fn fields(decays: [f64; DECAYS.len()], wave: impl Fn(f64) -> f64) -> Vec<Field> {
+    let decaying = decays.map(|decay| Field::Wave { decay, wave: wave(decay) });
     [Field::Uniform].into_iter().chain(decaying).collect()
 }
 
 /// Responses of a plate in the middle of a fine section, which is as large as the other.
-fn reference(grading: Grading, end: f64, boundary: f64, thickness: f64) -> PerField {
-    let above = grading.planes(0.0, 0.5 * thickness, ROWS as f64);
+fn reference(
+    grading: Grading,
+    decays: [f64; DECAYS.len()],
+    [end, aside, above]: [f64; 3],
+    thickness: f64,
+) -> PerField {
+    let above = grading.planes(0.0, 0.5 * thickness, above);
     let zs = above.iter().skip(1).rev().map(|z| -z).chain(above.iter().copied()).collect();
-    let fields = fields(|decay| decay);
-    let mut section = Section::new([grading.planes(0.0, end, boundary), zs]);
+    let fields = fields(decays, |decay| decay);
+    let mut section = Section::new([grading.planes(0.0, end, aside), zs]);
     let empty = section.energies(&fields);
     section.insert(Plate { end, bottom: -0.5 * thickness, top: 0.5 * thickness });
     responses(&section.energies(&fields), &empty)

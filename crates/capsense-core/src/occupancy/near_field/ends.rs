@@ -1,4 +1,4 @@
-//! Ends of plates that are thinner than a cell or little thicker, and that nothing holds at a potential.
+//! Ends of plates that are no thicker than two cells and a half, and that nothing holds at a potential.
 //!
 //! A floating plate has no charge: what counts is the field that passes through it, and how that leaves at its ends. Links make the field
 //! around either edge of an end right, which is alike on both faces. For one that is not, a lattice takes the plate to be a few percent
@@ -24,7 +24,7 @@ use std::ops::Range;
 const LEVEL: Range<f64> = 0.9997..0.99997;
 
 /// Thicker plates, in heights of cells, count less, and from the second thickness on not at all.
-const THIN: Range<f64> = 1.3..1.8;
+const THIN: Range<f64> = 2.2..2.6;
 
 /// From nothing to all over this part of a cell's height, or of the plate's thickness.
 const RAMP: f64 = 0.2;
@@ -34,6 +34,9 @@ const LEAST: f64 = 0.1;
 
 /// Within a plate, sides count that are not the nearest one, if they are further away by no more than this part of its thickness.
 const CORNER: f64 = 0.25;
+
+/// Plates count less that are less cells wide than the second, and not at all with the first.
+const FEWEST: Range<f64> = 3.2..4.0;
 
 /// Other bodies count from so many cells on, and all that is nearer than the first.
 const OTHERS: Range<f64> = 1.0..1.6;
@@ -374,11 +377,11 @@ impl Plate {
 
     /// The numbers where cells have a width away from the end.
     fn numbers_of_width(&self, width: f64) -> Numbers {
-        let part = rising(WIDTHS[0]..WIDTHS[1], width / self.height);
+        let (narrower, part) = interval(&WIDTHS, width / self.height);
         let narrowest = 2.0 * self.half[0].min(self.half[1]);
         // Opposite ends are so far from each other that no edge is near both.
-        let counts = rising(2.0..4.0, narrowest / self.thickness) * rising(4.2..5.2, narrowest / width);
-        between(&self.numbers[0], &self.numbers[1], part).map(|y| counts * y)
+        let counts = rising(2.0..4.0, narrowest / self.thickness) * rising(FEWEST, narrowest / width);
+        between(&self.numbers[narrower], &self.numbers[narrower + 1], part).map(|y| counts * y)
     }
 }
 
@@ -567,7 +570,7 @@ mod tests {
         let lattice = lattice();
         let centre = DVec3::new(0.151, 0.147, 0.162);
         assert!(ends(&lattice, DQuat::IDENTITY, centre, PLATE).are_of_use);
-        assert!(!ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.13, 0.14, 0.05)).are_of_use);
+        assert!(!ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.13, 0.14, 0.075)).are_of_use);
         assert!(!ends(&lattice, DQuat::from_rotation_x(0.1), centre, PLATE).are_of_use);
         assert!(!ends(&lattice, DQuat::IDENTITY, DVec3::new(0.151, 0.147, 0.5), PLATE).are_of_use);
         let sticks = ends(&lattice, DQuat::IDENTITY, centre, DVec3::new(0.02, 0.13, 0.018));
