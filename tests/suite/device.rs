@@ -95,7 +95,7 @@ fn floating_plates_are_found_on_the_processor() {
         ("[0.15, 0.15, 0.04]", "\"grounded\"", true),
         ("[0.15, 0.15, 0.04]", "\"floating\"", false),
         ("[0.15, 0.15, 0.04]", "{ capacitance = 1e-12 }", false),
-        ("[0.3, 0.3, 0.25]", "\"floating\"", true),
+        ("[0.15, 0.15, 0.08]", "\"floating\"", true),
     ] {
         let pipeline = on(&text(size, connection));
         assert!(pipeline.is_on_gpu() && pipeline.finds_objects_on_gpu() == is_on_gpu, "{size} {connection}");

@@ -35,14 +35,17 @@ const LEAST: f64 = 0.1;
 /// Within a plate, sides count that are not the nearest one, if they are further away by no more than this part of its thickness.
 const CORNER: f64 = 0.25;
 
+/// Plates count less whose narrower side is less thicknesses than the second, and not at all with the first.
+const FLAT: Range<f64> = 2.0..4.0;
+
 /// Plates count less that are less cells wide than the second, and not at all with the first.
 const FEWEST: Range<f64> = 3.2..4.0;
 
 /// Other bodies count from so many cells on, and all that is nearer than the first.
 const OTHERS: Range<f64> = 1.0..1.6;
 
-/// Whether ends of an object of a material may change weights on a lattice: of a box that nothing holds at a potential, which is thin
-/// over the largest cells of the lattice. What finds objects elsewhere than in [`Occupancy`](crate::occupancy::Occupancy) may not know of it.
+/// Whether ends of an object of a material may change weights on a lattice: of a box that nothing holds at a potential, which is a plate
+/// and thin over the largest cells of the lattice. What finds objects elsewhere than in [`Occupancy`](crate::occupancy::Occupancy) may not know of it.
 ///
 /// # Panics
 /// When there is no such object.
@@ -55,8 +58,13 @@ pub fn may_change_weights(
     let largest = lattice.axes().iter().flat_map(|planes| planes.windows(2)).map(|pair| pair[1] - pair[0]);
     let largest = largest.fold(0.0, f64::max);
     let field = KnownField::around(surfaces, object);
-    is_held_by_nothing(material)
-        && field.of_box().is_some_and(|(_, half)| 2.0 * half.min_element() < THIN.end * largest)
+    let is_thin_plate = |half: DVec3| {
+        let mut extents = (2.0 * half).to_array();
+        extents.sort_unstable_by(f64::total_cmp);
+        let [thickness, narrowest, _] = extents;
+        thickness < THIN.end * largest && narrowest > FLAT.start * thickness
+    };
+    is_held_by_nothing(material) && field.of_box().is_some_and(|(_, half)| is_thin_plate(half))
 }
 
 fn is_held_by_nothing(material: &Material) -> bool {
@@ -380,7 +388,7 @@ impl Plate {
         let (narrower, part) = interval(&WIDTHS, width / self.height);
         let narrowest = 2.0 * self.half[0].min(self.half[1]);
         // Opposite ends are so far from each other that no edge is near both.
-        let counts = rising(2.0..4.0, narrowest / self.thickness) * rising(FEWEST, narrowest / width);
+        let counts = rising(FLAT, narrowest / self.thickness) * rising(FEWEST, narrowest / width);
         between(&self.numbers[narrower], &self.numbers[narrower + 1], part).map(|y| counts * y)
     }
 }
