@@ -393,7 +393,8 @@ impl Walk<'_> {
             self.start = part[1];
             let middle = uv_at(0.5 * (part[0] + part[1]));
             let Some(quarter) = seen.quarter(middle) else { continue };
-            let pixel = middle[line.axis] as u32 as usize;
+            // Rounding may put the rim of the image behind its last pixel.
+            let pixel = (middle[line.axis] as u32 as usize).min(line.count - 1);
             return Some(LayerWay {
                 part,
                 faces: quarter.at_both(part.map(uv_at)),

@@ -1,6 +1,7 @@
 //! Edges past the wall of a body that a camera sees: what is left of them goes over from one plane of nodes to the next.
 
-use crate::common::{FLOATING, GROUNDED, dielectric};
+use crate::common::updater::Updater;
+use crate::common::{DOMAIN, FLOATING, GROUNDED, dielectric, stripes_sensor};
 use capsense_core::geometry::Aabb;
 use capsense_core::glam::DVec3;
 use capsense_core::material::Material;
@@ -164,4 +165,25 @@ fn nothing_changes_where_others_are() {
     assert_eq!((at_electrode.object, at_electrode.through), ([0, 0], 0.0), "the electrode is touched");
     let weak = past_wall(&[dielectric(4.0)], &alone, FREE);
     assert!(weak.through < 2.5 && !weak.is_linked(), "{weak:?}");
+}
+
+/// In images of some sizes, 49 pixels for one, rounding puts nodes on the rim of the domain a bit behind the last pixel. There a body
+/// is high up, and low one cell further in.
+#[test]
+fn walls_at_the_rim_of_an_image_are_those_of_its_last_pixel() {
+    let sensor = stripes_sensor(6_000);
+    for (axis, pixels) in (0..2).flat_map(|axis| (10..=110).map(move |pixels| (axis, pixels))) {
+        let [mut width, mut height] = [30, 30];
+        *[&mut width, &mut height][axis] = pixels;
+        let view = OrthographicView { domain: DOMAIN, width, height };
+        let mut image = DepthLayers::empty(view, 1);
+        let (front, back) = image.layer_mut(0);
+        for (pixel, faces) in front.iter_mut().zip(back).enumerate() {
+            let is_at_rim = view.pixel_centre(pixel % width, pixel / width)[axis] > 0.2;
+            (*faces.0, *faces.1) = if is_at_rim { (0.3, 0.32) } else { (0.03, 0.05) };
+        }
+        let mut updater = Updater::new(&sensor, &[GROUNDED]);
+        updater.step_checked(&image);
+        assert!(!updater.occupancy.linked_edges().is_empty(), "{axis} {pixels}");
+    }
 }
