@@ -131,25 +131,33 @@ impl EdgeNetwork {
         }
     }
 
-    /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
-    /// their part outside.
+    /// Assembles the network of a sensor: on lattices with dual lengths that are matched to spacing that grows; edges that cross
+    /// the outline of a thin electrode in its plane are as long as their part outside.
     pub fn of_sensor(sensor: &Sensor) -> Self {
-        Self::of_sensor_with(sensor, false)
+        Self::of_sensor_with(sensor, false, |ends| sensor.dual_area_of_edge(ends))
     }
 
-    /// The same with all edges along which an element alone has a weight, for the interface models that change the
-    /// permittivities of elements. Where these weights cancel, there is one too small to matter.
+    /// The same with all edges along which an element alone has a weight, for weak dielectrics that cut elements. Where these
+    /// weights cancel, there is one too small to matter.
+    pub(crate) fn of_sensor_with_all_edges(sensor: &Sensor) -> Self {
+        Self::of_sensor_with(sensor, true, |ends| sensor.dual_area_of_edge(ends))
+    }
+
+    /// The same with the weights that linear elements have, for the interface models that change the permittivities of
+    /// elements.
     pub fn of_sensor_elements(sensor: &Sensor) -> Self {
-        Self::of_sensor_with(sensor, true)
+        Self::of_sensor_with(sensor, true, |_| 1.0)
     }
 
-    fn of_sensor_with(sensor: &Sensor, keep_cancelled: bool) -> Self {
+    fn of_sensor_with(sensor: &Sensor, keep_cancelled: bool, dual_area: impl Fn([u32; 2]) -> f64) -> Self {
         let mut network = match sensor.lattice() {
             Some(lattice) => Self::assemble_lattice(lattice, sensor.mesh().relative_permittivity()),
             None => Self::assemble_with(sensor.mesh(), keep_cancelled),
         };
         for (edge, weight) in network.weights.iter_mut().enumerate() {
-            if let Some(outside) = network.edges.ends(edge).and_then(|ends| sensor.outside_part_of_edge(ends))
+            let Some(ends) = network.edges.ends(edge) else { continue };
+            *weight *= dual_area(ends);
+            if let Some(outside) = sensor.outside_part_of_edge(ends)
                 && *weight > 0.0
             {
                 *weight /= outside.max(SMALLEST_PART);

@@ -6,7 +6,7 @@ use super::stack::{Cell, Stack};
 use super::{CONVEX_CORNER, LARGEST_SHARE, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
-use crate::sensor::{FREE, Terminal};
+use crate::sensor::{DualLengths, FREE, Terminal};
 use glam::DVec2;
 
 /// Nodes closer to a convex corner than so many cells, along either axis, are told of both of its sides. Those further
@@ -31,6 +31,7 @@ const ON_RIM: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ground<'a> {
     pub(crate) lattice: &'a Lattice,
+    pub(crate) dual_lengths: &'a DualLengths,
     /// That of the lattice's tetrahedra.
     pub(crate) permittivity: &'a Background,
     /// What holds each node so far.
@@ -138,6 +139,13 @@ impl Surroundings<'_> {
         .min(LARGEST_SHARE)
     }
 
+    /// What the node's dual length along a rim is multiplied by: that of the axis which the rim is along, of others in between.
+    fn along(&self, normal: DVec2) -> f64 {
+        let [i, j, _] = self.place;
+        let [x, y] = [(0, i), (1, j)].map(|(axis, plane)| self.ground.dual_lengths.of_axis(axis)[plane]);
+        (normal * normal).dot(DVec2::new(y, x))
+    }
+
     /// At a distance outside of a straight rim: exact along the axes and, on squares, along diagonals.
     fn across(&self, normal: DVec2, distance: f64) -> Shared {
         let rows = self.rows(normal);
@@ -152,7 +160,7 @@ impl Surroundings<'_> {
         Shared {
             share: half_plane.share(distance / rows).clamp(0.0, 1.0),
             on_rim: half_plane.share(0.0),
-            weight: self.size.element_product() / rows * half_plane.weight,
+            weight: self.size.element_product() / rows * self.along(normal) * half_plane.weight,
             spreading,
         }
     }
@@ -189,9 +197,11 @@ struct Shared {
 }
 
 impl Ground<'_> {
-    /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield.
+    /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield. Where dual lengths
+    /// are matched to how cells grow, the first of them without end.
     fn stack(&self, [i, j, k]: [usize; 3], depth: f64, up: bool) -> Stack {
         let zs = &self.lattice.axes()[2];
+        let is_matched = self.permittivity.is_uniform();
         let mut cells = Vec::new();
         let (mut at, mut seen) = (k, 0.0);
         loop {
@@ -204,6 +214,9 @@ impl Ground<'_> {
             // Give or take rounding, so that mirrored nodes see as many cells.
             if is_held || seen >= 0.999 * depth || at == 0 || at + 1 == zs.len() {
                 let first = cells.remove(0);
+                if is_matched && !is_held {
+                    cells.clear();
+                }
                 return Stack::new(first, cells, is_held);
             }
         }
