@@ -6,9 +6,7 @@
 //! wave. So dual lengths are matched: those that make each plane of nodes see what a lattice would be whose cells go
 //! on as they are beside the plane. A wave that varies across the axis by λ, the sum of 4 sin²(k d/2)/d² over both axes there,
 //! seen from a plane of that lattice, cells h high and the wall L away, has the charge
-//!
-//!     Y(λ) = sinh(q h)/h coth(q L),  sinh(q h/2) = √λ h/2,
-//!
+//! Y(λ) = sinh(q h)/h coth(q L), where sinh(q h/2) = √λ h/2,
 //! for each unit of potential, on either side; on the lattice as it is, a continued fraction of cells and dual lengths (as of
 //! optimal grids: Druskin and Knizhnerman 2000). Their sums over both sides are matched by least squares, at all planes, for
 //! waves from the domain's size down to the shortest that cells beside a plane would have if they were cubes. What a
@@ -148,9 +146,9 @@ impl Axis {
         let mut slopes = vec![0.0; self.inner];
         for wave in self.waves() {
             let beyond = self.beyond(wave, factors);
-            for plane in 0..self.dual.len() {
+            for (plane, factor) in factors.iter().enumerate() {
                 let Some(even) = self.even_from(plane, wave) else { continue };
-                let own = wave * self.dual[plane] * factors[plane];
+                let own = wave * self.dual[plane] * factor;
                 let excess = (beyond.before[plane] + beyond.behind[plane] + own) / even - 1.0;
                 self.slopes(plane, wave, &beyond, &mut slopes);
                 slopes.iter_mut().for_each(|slope| *slope /= even);
@@ -270,9 +268,9 @@ mod tests {
         let (mut squares, mut count) = (0.0, 0.0);
         for wave in axis.waves() {
             let beyond = axis.beyond(wave, factors);
-            for plane in 0..planes.len() {
+            for (plane, factor) in factors.iter().enumerate() {
                 if let Some(even) = axis.even_from(plane, wave) {
-                    let own = wave * axis.dual[plane] * factors[plane];
+                    let own = wave * axis.dual[plane] * factor;
                     squares += ((beyond.before[plane] + beyond.behind[plane] + own) / even - 1.0).powi(2);
                     count += 1.0;
                 }
