@@ -198,10 +198,9 @@ struct Shared {
 
 impl Ground<'_> {
     /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield. Where dual lengths
-    /// are matched to how cells grow, the first of them without end.
+    /// are matched to how cells grow, cells as high as the first in place of these.
     fn stack(&self, [i, j, k]: [usize; 3], depth: f64, up: bool) -> Stack {
         let zs = &self.lattice.axes()[2];
-        let is_matched = self.permittivity.is_uniform();
         let mut cells = Vec::new();
         let (mut at, mut seen) = (k, 0.0);
         loop {
@@ -214,8 +213,9 @@ impl Ground<'_> {
             // Give or take rounding, so that mirrored nodes see as many cells.
             if is_held || seen >= 0.999 * depth || at == 0 || at + 1 == zs.len() {
                 let first = cells.remove(0);
-                if is_matched && !is_held {
-                    cells.clear();
+                if self.permittivity.is_uniform() {
+                    let behind_first = if is_held && !cells.is_empty() { seen - first.height } else { 0.0 };
+                    cells = alike(first, behind_first);
                 }
                 return Stack::new(first, cells, is_held);
             }
@@ -233,4 +233,11 @@ impl Ground<'_> {
         }
         sum / area
     }
+}
+
+/// As many cells that are as high as one as fill a distance, nearly: at least one unless it is zero.
+fn alike(cell: Cell, distance: f64) -> Vec<Cell> {
+    let count = (distance / cell.height).round().max(1.0);
+    let height = distance / count;
+    if height > 0.0 { vec![Cell { height, ..cell }; count as usize] } else { Vec::new() }
 }
