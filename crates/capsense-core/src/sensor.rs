@@ -78,9 +78,11 @@ impl Sensor {
         sensor.lattice = Some(lattice.clone());
         for (index, electrode) in design.electrodes.iter().enumerate() {
             let permittivity = sensor.mesh.relative_permittivity();
-            let ground =
-                Ground { lattice, dual_lengths: &dual_lengths, permittivity, terminals: &sensor.terminals };
-            let rim = rim_on_lattice(ground, electrode, slack);
+            let of = |dual_lengths| {
+                let ground = Ground { lattice, dual_lengths, permittivity, terminals: &sensor.terminals };
+                rim_on_lattice(ground, electrode, slack)
+            };
+            let rim = of(Some(&dual_lengths)).with_elements_of(&of(None));
             sensor.electrode_names.push(electrode.name.clone());
             sensor.shapes.push(Some(electrode.clone()));
             sensor.claim_with_rim(index, &electrode.name, &rim)?;
@@ -222,7 +224,9 @@ impl Sensor {
     #[must_use]
     pub(crate) fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
         for link in &mut self.rim {
-            link.weight *= factors[usize::from(link.electrode)];
+            let factor = factors[usize::from(link.electrode)];
+            link.weight *= factor;
+            link.of_elements *= factor;
         }
         self
     }
@@ -246,12 +250,13 @@ impl Sensor {
         if !rim.held.is_empty() {
             self.claim(terminal, name, &rim.held)?;
         }
-        for &Linked { node, weight, inside, covered, rows } in &rim.linked {
+        for &Linked { node, weight, of_elements, inside, covered, rows } in &rim.linked {
             let owner = self.owner_mut(name, node)?;
             if *owner == FREE {
                 *owner = terminal;
             }
-            self.rim.push(RimLink { node, electrode: index as u16, weight, inside, covered, rows });
+            let electrode = index as u16;
+            self.rim.push(RimLink { node, electrode, weight, of_elements, inside, covered, rows });
         }
         let terminals = &self.terminals;
         self.rim.retain(|link| terminals[link.node as usize] == FREE);

@@ -31,7 +31,8 @@ const ON_RIM: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ground<'a> {
     pub(crate) lattice: &'a Lattice,
-    pub(crate) dual_lengths: &'a DualLengths,
+    /// `None` for links where edges have the weights of linear elements.
+    pub(crate) dual_lengths: Option<&'a DualLengths>,
     /// That of the lattice's tetrahedra.
     pub(crate) permittivity: &'a Background,
     /// What holds each node so far.
@@ -70,7 +71,7 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                     Link::Weight(weight) => {
                         let (covered, rows) = (around.covered(&place), around.rows_at(&place));
                         let inside = place.distance <= 0.0;
-                        rim.linked.push(Linked { node, weight, inside, covered, rows })
+                        rim.linked.push(Linked { node, weight, of_elements: weight, inside, covered, rows })
                     }
                     Link::None => {}
                 }
@@ -141,8 +142,9 @@ impl Surroundings<'_> {
 
     /// What the node's dual length along a rim is multiplied by: that of the axis which the rim is along, of others in between.
     fn along(&self, normal: DVec2) -> f64 {
+        let Some(lengths) = self.ground.dual_lengths else { return 1.0 };
         let [i, j, _] = self.place;
-        let [x, y] = [(0, i), (1, j)].map(|(axis, plane)| self.ground.dual_lengths.of_axis(axis)[plane]);
+        let [x, y] = [(0, i), (1, j)].map(|(axis, plane)| lengths.of_axis(axis)[plane]);
         (normal * normal).dot(DVec2::new(y, x))
     }
 
@@ -213,7 +215,7 @@ impl Ground<'_> {
             // Give or take rounding, so that mirrored nodes see as many cells.
             if is_held || seen >= 0.999 * depth || at == 0 || at + 1 == zs.len() {
                 let first = cells.remove(0);
-                if self.permittivity.is_uniform() {
+                if self.dual_lengths.is_some() && self.permittivity.is_uniform() {
                     let behind_first = if is_held && !cells.is_empty() { seen - first.height } else { 0.0 };
                     cells = alike(first, behind_first);
                 }
