@@ -93,6 +93,7 @@ impl Sensor {
                 sensor.mesh.nodes().iter().map(|&node| design.is_on_wall(node)).collect();
             sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
         }
+        sensor.rim.shrink_to_fit();
         sensor.check_reachable()?;
         Ok(sensor)
     }
