@@ -1,6 +1,7 @@
 //! The sensor at rest: a mesh, and which of its nodes are held at the potential of ground or of an electrode.
 
 mod design;
+mod dual_lengths;
 mod error;
 mod generated;
 mod grading;
@@ -9,6 +10,7 @@ mod rim;
 mod wall;
 
 pub use design::{SensorDesign, Substrate};
+pub(crate) use dual_lengths::DualLengths;
 pub use error::SensorError;
 pub use generated::MeshKind;
 pub use rim::RimLink;
@@ -48,6 +50,8 @@ pub enum ElectrodeNodes {
 pub struct Sensor {
     mesh: TetMesh,
     lattice: Option<Lattice>,
+    /// Of a lattice, also once it is no longer known to be one.
+    dual_lengths: Option<DualLengths>,
     electrode_names: Vec<String>,
     terminals: Vec<Terminal>,
     /// The same with nodes at rims, which are free but linked to their electrode, counted as the electrode's.
@@ -70,20 +74,26 @@ impl Sensor {
         let slack = IN_PLANE * design.domain.size().max_element();
         let (mesh, ground) = design.with_ground_and_board(lattice.to_tet_mesh()?)?;
         let mut sensor = Self::without_electrodes(mesh, &ground)?;
+        let dual_lengths = DualLengths::matched(lattice, sensor.mesh.relative_permittivity().is_uniform());
         sensor.lattice = Some(lattice.clone());
         for (index, electrode) in design.electrodes.iter().enumerate() {
             let permittivity = sensor.mesh.relative_permittivity();
-            let ground = Ground { lattice, permittivity, terminals: &sensor.terminals };
-            let rim = rim_on_lattice(ground, electrode, slack);
+            let of = |dual_lengths| {
+                let ground = Ground { lattice, dual_lengths, permittivity, terminals: &sensor.terminals };
+                rim_on_lattice(ground, electrode, slack)
+            };
+            let rim = of(Some(&dual_lengths)).with_elements_of(&of(None));
             sensor.electrode_names.push(electrode.name.clone());
             sensor.shapes.push(Some(electrode.clone()));
             sensor.claim_with_rim(index, &electrode.name, &rim)?;
         }
+        sensor.dual_lengths = Some(dual_lengths);
         if design.wall == Wall::Open {
             let is_on_wall: Vec<bool> =
                 sensor.mesh.nodes().iter().map(|&node| design.is_on_wall(node)).collect();
             sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
         }
+        sensor.rim.shrink_to_fit();
         sensor.check_reachable()?;
         Ok(sensor)
     }
@@ -152,6 +162,7 @@ impl Sensor {
             owners: vec![FREE; mesh.nodes().len()],
             rim: Vec::new(),
             lattice: None,
+            dual_lengths: None,
             electrode_names: Vec::new(),
             shapes: Vec::new(),
             flat: IN_PLANE * mesh.bounds().size().max_element(),
@@ -184,10 +195,11 @@ impl Sensor {
         self.open_wall = Some(OpenWall::new(&self.mesh, &self.owners, faces));
     }
 
-    /// The same sensor with the nodes that lie within an electrode's outline held, and those of an open wall grounded, as a
-    /// mesh alone would have it: what links are compared with.
+    /// The same sensor with the nodes that lie within an electrode's outline held, those of an open wall grounded, and weights those
+    /// of linear elements, as a mesh alone would have it: what links are compared with.
     #[must_use]
     pub fn with_rims_held(mut self) -> Self {
+        self.dual_lengths = None;
         for (node, _) in self.open_wall.take().into_iter().flat_map(|wall| wall.links) {
             let owner = &mut self.owners[node as usize];
             if *owner == FREE {
@@ -213,7 +225,9 @@ impl Sensor {
     #[must_use]
     pub(crate) fn with_rims_weighed(mut self, factors: &[f64]) -> Self {
         for link in &mut self.rim {
-            link.weight *= factors[usize::from(link.electrode)];
+            let factor = factors[usize::from(link.electrode)];
+            link.weight *= factor;
+            link.of_elements *= factor;
         }
         self
     }
@@ -237,12 +251,13 @@ impl Sensor {
         if !rim.held.is_empty() {
             self.claim(terminal, name, &rim.held)?;
         }
-        for &Linked { node, weight, inside, covered, rows } in &rim.linked {
+        for &Linked { node, weight, of_elements, inside, covered, rows } in &rim.linked {
             let owner = self.owner_mut(name, node)?;
             if *owner == FREE {
                 *owner = terminal;
             }
-            self.rim.push(RimLink { node, electrode: index as u16, weight, inside, covered, rows });
+            let electrode = index as u16;
+            self.rim.push(RimLink { node, electrode, weight, of_elements, inside, covered, rows });
         }
         let terminals = &self.terminals;
         self.rim.retain(|link| terminals[link.node as usize] == FREE);
@@ -328,6 +343,17 @@ impl Sensor {
     /// The lattice that the mesh was made from, if it was: its nodes are the mesh's, in the same order.
     pub fn lattice(&self) -> Option<&Lattice> {
         self.lattice.as_ref()
+    }
+
+    /// What the dual lengths of a lattice's planes across an axis (0, 1, 2 for x, y, z) are multiplied by, as spacing grows: one factor
+    /// for each plane, near 1. `None` where edges have the weights of linear elements.
+    pub fn dual_lengths(&self, axis: usize) -> Option<&[f64]> {
+        self.dual_lengths.as_ref().map(|lengths| lengths.of_axis(axis))
+    }
+
+    /// What the weight of an edge between two nodes of a lattice is multiplied by, as spacing grows.
+    pub(crate) fn dual_area_of_edge(&self, ends: [u32; 2]) -> f64 {
+        self.dual_lengths.as_ref().map_or(1.0, |lengths| lengths.of_edge(ends))
     }
 
     /// Names of the electrodes in the order of the capacitance matrix.

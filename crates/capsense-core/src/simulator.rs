@@ -457,9 +457,10 @@ pub(crate) fn nothing_there(
     let has_dielectrics = materials.iter().any(|material| matches!(material, Material::Dielectric(_)));
     let (mesh, nodes) = (sensor.mesh(), sensor.mesh().nodes().len());
     let is_of_conductors = interface == Interface::EdgeCut && !has_dielectrics;
-    let network = match is_of_conductors {
-        true => EdgeNetwork::of_sensor(sensor),
-        false => EdgeNetwork::of_sensor_elements(sensor),
+    let network = match interface {
+        Interface::EdgeCut if is_of_conductors => EdgeNetwork::of_sensor(sensor),
+        Interface::EdgeCut => EdgeNetwork::of_sensor_with_all_edges(sensor),
+        Interface::Centroid | Interface::VolumeFraction => EdgeNetwork::of_sensor_elements(sensor),
     };
     let occupancy = match is_of_conductors {
         true => Occupancy::empty(nodes, network.edges().len()),

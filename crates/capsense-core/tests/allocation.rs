@@ -51,9 +51,9 @@ fn shift(frame: usize) -> f64 {
     1e-3 * frame.min(FRAMES - frame) as f64
 }
 
-/// How often it is gone. What changed in frames that could not matter is taken over together, so what has room on the first ways may
-/// have grown once more on the third.
-const WAYS: usize = 5;
+/// How often it is gone. What changed in frames that could not matter is taken over together, and which these are is another on each
+/// way, so what has room on the first ways may grow once more on a later one.
+const WAYS: usize = 9;
 
 /// Goes the way several times and counts the allocations of updates, and those of solves, on the last.
 fn allocations<S: Surfaces>(

@@ -39,6 +39,14 @@ struct Contribution {
     counts: bool,
 }
 
+/// Which weights the edges of a lattice have.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Weights {
+    OfElements,
+    /// To spacing that grows.
+    Matched,
+}
+
 impl EdgeNetwork {
     /// Assembles the network of any mesh: its edges that carry a weight, ordered by their first, then second node.
     pub fn assemble(mesh: &TetMesh) -> Self {
@@ -131,31 +139,44 @@ impl EdgeNetwork {
         }
     }
 
-    /// Assembles the network of a sensor: edges that cross the outline of a thin electrode in its plane are as long as
-    /// their part outside.
+    /// Assembles the network of a sensor: on lattices with dual lengths that are matched to spacing that grows; edges that cross
+    /// the outline of a thin electrode in its plane are as long as their part outside.
     pub fn of_sensor(sensor: &Sensor) -> Self {
-        Self::of_sensor_with(sensor, false)
+        Self::of_sensor_with(sensor, false, Weights::Matched)
     }
 
-    /// The same with all edges along which an element alone has a weight, for the interface models that change the
-    /// permittivities of elements. Where these weights cancel, there is one too small to matter.
+    /// The same with all edges along which an element alone has a weight, for weak dielectrics that cut elements. Where these
+    /// weights cancel, there is one too small to matter.
+    pub(crate) fn of_sensor_with_all_edges(sensor: &Sensor) -> Self {
+        Self::of_sensor_with(sensor, true, Weights::Matched)
+    }
+
+    /// The same with the weights that linear elements have, for the interface models that change the permittivities of
+    /// elements.
     pub fn of_sensor_elements(sensor: &Sensor) -> Self {
-        Self::of_sensor_with(sensor, true)
+        Self::of_sensor_with(sensor, true, Weights::OfElements)
     }
 
-    fn of_sensor_with(sensor: &Sensor, keep_cancelled: bool) -> Self {
+    fn of_sensor_with(sensor: &Sensor, keep_cancelled: bool, weights: Weights) -> Self {
         let mut network = match sensor.lattice() {
             Some(lattice) => Self::assemble_lattice(lattice, sensor.mesh().relative_permittivity()),
             None => Self::assemble_with(sensor.mesh(), keep_cancelled),
         };
         for (edge, weight) in network.weights.iter_mut().enumerate() {
-            if let Some(outside) = network.edges.ends(edge).and_then(|ends| sensor.outside_part_of_edge(ends))
+            let Some(ends) = network.edges.ends(edge) else { continue };
+            if weights == Weights::Matched {
+                *weight *= sensor.dual_area_of_edge(ends);
+            }
+            if let Some(outside) = sensor.outside_part_of_edge(ends)
                 && *weight > 0.0
             {
                 *weight /= outside.max(SMALLEST_PART);
             }
         }
         network.rim = sensor.rim().to_vec();
+        if weights == Weights::OfElements {
+            network.rim.iter_mut().for_each(|link| link.weight = link.of_elements);
+        }
         network.out_of_plane = network.find_out_of_plane(sensor.mesh().nodes());
         network.held_rows = sensor.held_rows().count();
         if let Some(wall) = sensor.open_wall() {
@@ -183,6 +204,7 @@ impl EdgeNetwork {
             node,
             electrode: ground,
             weight,
+            of_elements: weight,
             inside: false,
             covered: 0.0,
             rows: f64::INFINITY,

@@ -62,7 +62,7 @@ fn a_grounded_body_shields_a_floating_one_across_a_gap_without_nodes() {
             for (gap, exact) in gaps.into_iter().zip(exact) {
                 for (change, exact) in coarse.change(gap).into_iter().zip(exact) {
                     let ratio = change / exact;
-                    assert!((ratio - 1.0).abs() < 0.07, "{size} {gap}: {change:e} {exact:e} {ratio}");
+                    assert!((ratio - 1.0).abs() < 0.08, "{size} {gap}: {change:e} {exact:e} {ratio}");
                 }
             }
         }

@@ -35,8 +35,8 @@ fn set_anchor(place: vec3<u32>) {
     anchor_z = vec2<f32>(bitcast<f32>(tables[z]), bitcast<f32>(tables[z + 1u]));
     way_to_next = vec2<f32>(bitcast<f32>(tables[x + 2u]), bitcast<f32>(tables[y + 2u]));
     // Behind the last plane there is a way of no length, and what is read is of no use.
-    let pixels = vec2<i32>(bitcast<i32>(tables[x + 8u]), bitcast<i32>(tables[y + 8u])) - anchor_pixel;
-    let within = vec2<f32>(bitcast<f32>(tables[x + 9u]), bitcast<f32>(tables[y + 9u]));
+    let pixels = vec2<i32>(bitcast<i32>(tables[x + PLANE + 3u]), bitcast<i32>(tables[y + PLANE + 3u])) - anchor_pixel;
+    let within = vec2<f32>(bitcast<f32>(tables[x + PLANE + 4u]), bitcast<f32>(tables[y + PLANE + 4u]));
     let whole = vec2<f32>(pixels);
     next_in_pixels = min(whole + within, (whole + 1.0) * LARGEST_PART);
 }

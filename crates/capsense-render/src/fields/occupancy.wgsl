@@ -65,8 +65,9 @@ fn is_near(object: u32, low: vec3<u32>, high: vec3<u32>) -> bool {
     return true;
 }
 
-// A plane's words: where it is, in two parts; the way to the next; its pixel and where in it.
-fn plane_at(axis: u32, number: u32) -> u32 { return lattice.planes_at[axis] + 5u * number; }
+// A plane's words: where it is, in two parts; the way to the next; its pixel and where in it; what its dual length is multiplied by.
+const PLANE: u32 = 6u;
+fn plane_at(axis: u32, number: u32) -> u32 { return lattice.planes_at[axis] + PLANE * number; }
 
 fn way_after(axis: u32, number: u32) -> f32 { return bitcast<f32>(tables[plane_at(axis, number) + 2u]); }
 

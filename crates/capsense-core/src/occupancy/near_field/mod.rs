@@ -206,7 +206,7 @@ impl Wedges {
         if self.at.is_empty() && scene.has_silhouettes {
             self.at.resize(conductors.len(), AtWedge::NONE);
             self.nodes = IndexSet::below(conductors.len());
-            self.stars = Stars::of(lattice);
+            self.stars = Stars::of(lattice, scene.mesh.permittivity.is_uniform());
         }
         if self.at.is_empty() {
             return;

@@ -269,7 +269,7 @@ mod tests {
             (0..count).map(|plane| 0.3 * f64::from(plane).powf(growth) - 1.0).collect::<Vec<_>>()
         };
         let lattice = Lattice::new([planes(11, 1.0), planes(6, 1.2), planes(7, 0.9)]).unwrap();
-        let stars = Stars::of(&lattice);
+        let stars = Stars::of(&lattice, true);
         let turn = DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(0.3);
         let half = DVec3::new(0.7, 0.4, 0.5);
         for rotation in [DQuat::IDENTITY, turn] {

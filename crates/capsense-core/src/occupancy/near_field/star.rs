@@ -6,6 +6,7 @@ use super::row::smaller;
 use super::share::part_within;
 use crate::geometry::Aabb;
 use crate::mesh::{Edges, Lattice};
+use crate::sensor::DualLengths;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -34,6 +35,8 @@ pub(super) struct Plane {
     reach: f64,
     /// Half of the way from one neighbour to the other.
     pub(super) width: f64,
+    /// What the plane's dual length is of that.
+    dual: f64,
     /// By how much the way to the neighbour above is longer than that to the one below, and a twelfth of that.
     pub(super) skew: f64,
     skew_twelfth: f64,
@@ -52,7 +55,7 @@ pub(super) struct Plane {
 
 impl Plane {
     /// One of the planes across an axis along which numbers of nodes grow by `stride`.
-    fn of(planes: &[f64], index: usize, stride: usize) -> Self {
+    fn of(planes: &[f64], index: usize, stride: usize, dual: f64) -> Self {
         let at = planes[index];
         let next = [index.checked_sub(1), Some(index + 1)]
             .map(|next| next.and_then(|next| planes.get(next)).copied().unwrap_or(at));
@@ -76,6 +79,7 @@ impl Plane {
             inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),
+            dual,
             skew: above - below,
             skew_twelfth: (above - below) / 12.0,
             narrowest,
@@ -129,11 +133,13 @@ pub(in super::super) struct Row {
 }
 
 impl Stars {
-    pub(super) fn of(lattice: &Lattice) -> Self {
+    /// `is_uniform` tells whether the background has one permittivity.
+    pub(super) fn of(lattice: &Lattice, is_uniform: bool) -> Self {
         let strides = lattice.strides();
+        let lengths = DualLengths::matched(lattice, is_uniform);
         let planes: [Vec<Plane>; 3] = std::array::from_fn(|axis| {
-            let planes = &lattice.axes()[axis];
-            (0..planes.len()).map(|index| Plane::of(planes, index, strides[axis])).collect()
+            let (planes, lengths) = (&lattice.axes()[axis], lengths.of_axis(axis));
+            (0..planes.len()).map(|index| Plane::of(planes, index, strides[axis], lengths[index])).collect()
         });
         let along_x = CellArrays::of(&planes[0]);
         let across = [1, 2].map(|axis: usize| planes[axis].iter().map(PlaneCells::of).collect());
@@ -279,12 +285,12 @@ impl Star<'_> {
         x.sides | y.sides << 2 | z.sides << 4
     }
 
-    /// The area of the dual face of an edge along an axis: its weight in air times its length. Of Kuhn's tetrahedra, cells on
+    /// The area of the dual face of an edge along an axis: its weight in air times its length, dual lengths being matched. Of Kuhn's tetrahedra, cells on
     /// the diagonal from below to above count by a third, the other two by a sixth.
     #[inline]
     pub(super) fn area(&self, axis: usize) -> f64 {
         let [a, b] = [1, 2].map(|next| self.planes[(axis + next) % 3]);
-        a.width * b.width + a.skew * b.skew_twelfth
+        (a.width * b.width + a.skew * b.skew_twelfth) * (a.dual * b.dual)
     }
 
     /// The way to the nearer neighbour along an axis.
@@ -392,7 +398,7 @@ mod tests {
         let planes = [0.0, 1.0, 3.0, 7.0];
         let places =
             [(1, 2.0), (1, 5.0), (1, 0.25), (1, -0.5), (3, 2.0), (0, 2.0), (0, 0.0), (0, -0.25), (3, 20.0)];
-        let cells = places.map(|(index, coordinate)| Plane::of(&planes, index, 1).cells_to(coordinate));
+        let cells = places.map(|(index, coordinate)| Plane::of(&planes, index, 1, 1.0).cells_to(coordinate));
         assert_eq!(cells, [0.5, 1.5, 0.75, 1.5, 1.5, 1.5, 0.0, 0.25, FAR]);
     }
 }

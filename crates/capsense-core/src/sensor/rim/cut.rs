@@ -30,7 +30,7 @@ pub(crate) fn rim_of_cut(mesh: &TetMesh, electrode: &Electrode, flat: f64) -> Op
             Link::Weight(weight) => {
                 let weight = weight * of.dielectric_area;
                 let (inside, covered) = (of.place.distance <= 0.0, covered(&of));
-                rim.linked.push(Linked { node, weight, inside, covered, rows: of.rows });
+                rim.linked.push(Linked { node, weight, of_elements: weight, inside, covered, rows: of.rows });
             }
             Link::None => {}
         }

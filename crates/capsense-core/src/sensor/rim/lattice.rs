@@ -6,7 +6,7 @@ use super::stack::{Cell, Stack};
 use super::{CONVEX_CORNER, LARGEST_SHARE, Link, Linked, Rim};
 use crate::electrode::Electrode;
 use crate::mesh::{Background, Lattice};
-use crate::sensor::{FREE, Terminal};
+use crate::sensor::{DualLengths, FREE, Terminal};
 use glam::DVec2;
 
 /// Nodes closer to a convex corner than so many cells, along either axis, are told of both of its sides. Those further
@@ -31,6 +31,8 @@ const ON_RIM: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ground<'a> {
     pub(crate) lattice: &'a Lattice,
+    /// `None` for links where edges have the weights of linear elements.
+    pub(crate) dual_lengths: Option<&'a DualLengths>,
     /// That of the lattice's tetrahedra.
     pub(crate) permittivity: &'a Background,
     /// What holds each node so far.
@@ -69,7 +71,7 @@ pub(crate) fn rim_on_lattice(ground: Ground<'_>, electrode: &Electrode, flat: f6
                     Link::Weight(weight) => {
                         let (covered, rows) = (around.covered(&place), around.rows_at(&place));
                         let inside = place.distance <= 0.0;
-                        rim.linked.push(Linked { node, weight, inside, covered, rows })
+                        rim.linked.push(Linked { node, weight, of_elements: weight, inside, covered, rows })
                     }
                     Link::None => {}
                 }
@@ -138,6 +140,14 @@ impl Surroundings<'_> {
         .min(LARGEST_SHARE)
     }
 
+    /// What the node's dual length along a rim is multiplied by: that of the axis which the rim is along, of others in between.
+    fn along(&self, normal: DVec2) -> f64 {
+        let Some(lengths) = self.ground.dual_lengths else { return 1.0 };
+        let [i, j, _] = self.place;
+        let [x, y] = [(0, i), (1, j)].map(|(axis, plane)| lengths.of_axis(axis)[plane]);
+        (normal * normal).dot(DVec2::new(y, x))
+    }
+
     /// At a distance outside of a straight rim: exact along the axes and, on squares, along diagonals.
     fn across(&self, normal: DVec2, distance: f64) -> Shared {
         let rows = self.rows(normal);
@@ -152,7 +162,7 @@ impl Surroundings<'_> {
         Shared {
             share: half_plane.share(distance / rows).clamp(0.0, 1.0),
             on_rim: half_plane.share(0.0),
-            weight: self.size.element_product() / rows * half_plane.weight,
+            weight: self.size.element_product() / rows * self.along(normal) * half_plane.weight,
             spreading,
         }
     }
@@ -189,7 +199,8 @@ struct Shared {
 }
 
 impl Ground<'_> {
-    /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield.
+    /// The cells above or below a node, at least one, up to some depth or to a node that is held, as by a shield. Where dual lengths
+    /// are matched to how cells grow, cells as high as the first in place of these.
     fn stack(&self, [i, j, k]: [usize; 3], depth: f64, up: bool) -> Stack {
         let zs = &self.lattice.axes()[2];
         let mut cells = Vec::new();
@@ -204,6 +215,10 @@ impl Ground<'_> {
             // Give or take rounding, so that mirrored nodes see as many cells.
             if is_held || seen >= 0.999 * depth || at == 0 || at + 1 == zs.len() {
                 let first = cells.remove(0);
+                if self.dual_lengths.is_some() && self.permittivity.is_uniform() {
+                    let behind_first = if is_held && !cells.is_empty() { seen - first.height } else { 0.0 };
+                    cells = alike(first, behind_first);
+                }
                 return Stack::new(first, cells, is_held);
             }
         }
@@ -220,4 +235,11 @@ impl Ground<'_> {
         }
         sum / area
     }
+}
+
+/// As many cells that are as high as one as fill a distance, nearly: at least one unless it is zero.
+fn alike(cell: Cell, distance: f64) -> Vec<Cell> {
+    let count = (distance / cell.height).round().max(1.0);
+    let height = distance / count;
+    if height > 0.0 { vec![Cell { height, ..cell }; count as usize] } else { Vec::new() }
 }

@@ -17,6 +17,8 @@ mod side;
 mod stack;
 mod tube;
 
+use std::collections::HashMap;
+
 pub(super) use cut::rim_of_cut;
 pub(super) use lattice::{Ground, rim_on_lattice};
 pub(super) use sheet::rims_of_sheets;
@@ -57,6 +59,8 @@ pub struct RimLink {
     pub electrode: u16,
     /// Metres times the relative permittivity around the node.
     pub weight: f64,
+    /// What it is where edges have the weights of linear elements, on a lattice too.
+    pub of_elements: f64,
     /// Whether the node lies within the outline or on it.
     pub inside: bool,
     /// The part of the node's cell in the plane of the electrode that this covers, below one. Zero where that is not known.
@@ -74,11 +78,26 @@ pub(super) struct Rim {
     pub(super) linked: Vec<Linked>,
 }
 
+impl Rim {
+    /// The same with links as they are in another rim of the same electrode, where edges have the weights of linear elements. Nodes that
+    /// are not linked there keep theirs.
+    pub(super) fn with_elements_of(mut self, other: &Self) -> Self {
+        let of_nodes: HashMap<u32, f64> =
+            other.linked.iter().map(|linked| (linked.node, linked.weight)).collect();
+        for linked in &mut self.linked {
+            linked.of_elements = of_nodes.get(&linked.node).copied().unwrap_or(linked.weight);
+        }
+        self
+    }
+}
+
 /// A node at a rim.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Linked {
     pub(super) node: u32,
     pub(super) weight: f64,
+    /// As in [`RimLink`].
+    pub(super) of_elements: f64,
     /// Whether it lies within the outline or on it.
     pub(super) inside: bool,
     /// As in [`RimLink`].

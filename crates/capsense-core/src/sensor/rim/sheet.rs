@@ -50,13 +50,17 @@ pub(crate) fn rims_of_sheets(mesh: &TetMesh, owners: &[Terminal]) -> Vec<RimLink
     let mut links = Vec::with_capacity(half_lengths.len());
     for of_terminal in half_lengths.into_iter().collect::<Vec<_>>().chunk_by(|a, b| a.0.0 == b.0.0) {
         let kappa = kappa(of_terminal, &balances).unwrap_or(USUAL);
-        links.extend(of_terminal.iter().map(|&((terminal, node), length)| RimLink {
-            node,
-            electrode: terminal - 1,
-            weight: permittivity[&node] * length / kappa,
-            inside: true,
-            covered: covered.get(&(terminal, node)).copied().unwrap_or_default(),
-            rows: f64::INFINITY,
+        links.extend(of_terminal.iter().map(|&((terminal, node), length)| {
+            let weight = permittivity[&node] * length / kappa;
+            RimLink {
+                node,
+                electrode: terminal - 1,
+                weight,
+                of_elements: weight,
+                inside: true,
+                covered: covered.get(&(terminal, node)).copied().unwrap_or_default(),
+                rows: f64::INFINITY,
+            }
         }));
     }
     links

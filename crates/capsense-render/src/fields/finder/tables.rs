@@ -53,7 +53,9 @@ impl Tables {
                 let [high, low] = in_two(plane);
                 let way = planes.get(number + 1).map_or(0.0, |next| (next - plane) as f32);
                 let (pixel, within) = view.map_or((0, 0.0), |view| pixel_at(view, axis, plane));
-                words.extend([high.to_bits(), low.to_bits(), way.to_bits(), pixel as u32, within.to_bits()]);
+                let dual = sensor.dual_lengths(axis).map_or(1.0, |factors| factors[number] as f32);
+                let where_it_is = [high.to_bits(), low.to_bits(), way.to_bits(), pixel as u32];
+                words.extend(where_it_is.into_iter().chain([within.to_bits(), dual.to_bits()]));
             }
         }
         let nodes_at = words.len() as u32;

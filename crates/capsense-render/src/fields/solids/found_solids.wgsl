@@ -12,6 +12,8 @@ fn plane_of(axis: u32, index: u32) -> vec3<f32> {
     return bitcast<vec3<f32>>(vec3<u32>(tables[at], tables[at + 1u], tables[at + 2u]));
 }
 
+fn dual_length_of(axis: u32, index: u32) -> f32 { return bitcast<f32>(tables[plane_at(axis, index) + 5u]); }
+
 fn plane_counts() -> vec3<u32> { return plan.grids[0].counts; }
 
 fn is_sensors(node: u32) -> bool { return owner_of(node) != FREE; }

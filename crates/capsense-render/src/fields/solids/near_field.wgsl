@@ -3,6 +3,7 @@
 // for:
 //   fn is_sensors(node: u32) -> bool, whether a terminal has it
 //   fn is_homogeneous(node: u32) -> bool, whether the background is the same on all its edges
+//   fn dual_length_of(axis: u32, index: u32) -> f32, what the dual length of a plane of nodes is multiplied by
 //   fn conductor_at(node: u32) -> u32, the object that holds it or NO_OBJECT
 // all of the scene at hand.
 
@@ -22,6 +23,7 @@ struct Star {
     below: vec3<f32>, above: vec3<f32>,
     first_below: vec3<f32>, first_above: vec3<f32>, second_below: vec3<f32>, second_above: vec3<f32>,
     reach: vec3<f32>,
+    dual: vec3<f32>,
 }
 
 fn node_steps() -> vec3<u32> {
@@ -61,16 +63,17 @@ fn star_at(node: u32, place: vec3<u32>) -> Star {
         star.second_below[axis] = second_below;
         star.second_above[axis] = second_above;
         star.reach[axis] = max(reach_below, reach_above);
+        star.dual[axis] = dual_length_of(axis, index);
     }
     return star;
 }
 
-// The dual faces of edges along each axis, their weights in air times their lengths. Of Kuhn's tetrahedra, cells on the diagonal
+// The dual faces of edges along each axis, their weights in air times their lengths, dual lengths being matched. Of Kuhn's tetrahedra, cells on the diagonal
 // from below to above count by a third, the other two by a sixth.
 fn areas_of(star: Star) -> vec3<f32> {
     let width = 0.5 * (star.below + star.above);
     let skew = star.above - star.below;
-    return width.yzx * width.zxy + skew.yzx * skew.zxy / 12.0;
+    return (width.yzx * width.zxy + skew.yzx * skew.zxy / 12.0) * (star.dual.yzx * star.dual.zxy);
 }
 
 // Cells to a place, given from the node, parts of them counted; no more than FAR.

@@ -163,7 +163,7 @@ impl Finder {
         let written = written.map(|words| buffer(bytemuck::cast_slice(&words), both));
         let told = buffer(bytemuck::bytes_of(&told), wgpu::BufferUsages::UNIFORM);
         let read = [
-            read(bytemuck::cast_slice(&planes(lattice))),
+            read(bytemuck::cast_slice(&planes(&self.sensor, lattice))),
             read(bytemuck::cast_slice(&marks)),
             read(bytemuck::cast_slice(&background)),
             read(bytemuck::cast_slice(&placed)),
@@ -223,17 +223,19 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries })
 }
 
-/// The planes of a lattice, those across x first: where they are, in two parts, and how far the next one is.
-fn planes(lattice: &Lattice) -> Vec<[f32; 4]> {
-    let of_axis = |planes: &Vec<f64>| {
-        let planes = planes.clone();
+/// The planes of a lattice, those across x first: where they are, in two parts, how far the next one is, and what their dual
+/// lengths are multiplied by.
+fn planes(sensor: &Sensor, lattice: &Lattice) -> Vec<[f32; 4]> {
+    let of_axis = |axis: usize| {
+        let planes = &lattice.axes()[axis];
         (0..planes.len()).map(move |index| {
             let [at, rest] = in_two(planes[index]);
             let way = planes.get(index + 1).map_or(0.0, |next| next - planes[index]);
-            [at, rest, way as f32, 0.0]
+            let dual = sensor.dual_lengths(axis).map_or(1.0, |factors| factors[index]);
+            [at, rest, way as f32, dual as f32]
         })
     };
-    lattice.axes().iter().flat_map(of_axis).collect()
+    (0..3).flat_map(of_axis).collect()
 }
 
 /// What kernels are told of each node. `background` is the relative permittivity around each edge.

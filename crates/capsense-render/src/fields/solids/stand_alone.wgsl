@@ -28,10 +28,11 @@ const HOMOGENEOUS: u32 = 4u;
 const CONDUCTOR: u32 = 0u;
 
 fn plane_counts() -> vec3<u32> { return told.counts; }
-fn plane_of(axis: u32, index: u32) -> vec3<f32> {
-    let first = select(0u, told.counts.x, axis > 0u) + select(0u, told.counts.y, axis > 1u);
-    return planes[first + index].xyz;
+fn plane_number(axis: u32, index: u32) -> u32 {
+    return select(0u, told.counts.x, axis > 0u) + select(0u, told.counts.y, axis > 1u) + index;
 }
+fn plane_of(axis: u32, index: u32) -> vec3<f32> { return planes[plane_number(axis, index)].xyz; }
+fn dual_length_of(axis: u32, index: u32) -> f32 { return planes[plane_number(axis, index)].w; }
 fn way_after(axis: u32, number: u32) -> f32 { return plane_of(axis, number).z; }
 // Nothing is told of cells.
 fn background_in(cell: vec3<u32>, around: f32) -> f32 { return around; }
