@@ -21,7 +21,7 @@ use crate::electrode::Electrode;
 use crate::mesh::{Lattice, TetMesh};
 use design::check_names;
 use glam::DVec3;
-use rim::{Ground, Linked, Rim, rim_of_cut, rim_on_lattice, rims_of_sheets};
+use rim::{Ground, Linked, Rim, RimEdge, rim_of_cut, rim_on_lattice, rims_of_sheets};
 use wall::{WallFace, nodes_of, outer_faces, reaching_out};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
@@ -57,6 +57,7 @@ pub struct Sensor {
     /// The same with nodes at rims, which are free but linked to their electrode, counted as the electrode's.
     owners: Vec<Terminal>,
     rim: Vec<RimLink>,
+    rim_edges: Vec<RimEdge>,
     /// Thin electrodes by shape: their outlines may cut mesh edges. `None` for electrodes given by nodes.
     shapes: Vec<Option<Electrode>>,
     flat: f64,
@@ -161,6 +162,7 @@ impl Sensor {
             terminals: vec![FREE; mesh.nodes().len()],
             owners: vec![FREE; mesh.nodes().len()],
             rim: Vec::new(),
+            rim_edges: Vec::new(),
             lattice: None,
             dual_lengths: None,
             electrode_names: Vec::new(),
@@ -200,6 +202,7 @@ impl Sensor {
     #[must_use]
     pub fn with_rims_held(mut self) -> Self {
         self.dual_lengths = None;
+        self.rim_edges.clear();
         for (node, _) in self.open_wall.take().into_iter().flat_map(|wall| wall.links) {
             let owner = &mut self.owners[node as usize];
             if *owner == FREE {
@@ -261,6 +264,8 @@ impl Sensor {
         }
         let terminals = &self.terminals;
         self.rim.retain(|link| terminals[link.node as usize] == FREE);
+        self.rim_edges.extend(&rim.edges);
+        self.rim_edges.retain(|edge| terminals[edge.node as usize] == FREE);
         Ok(())
     }
 
@@ -391,6 +396,21 @@ impl Sensor {
     /// Links between nodes at the rims of thin electrodes and their electrode.
     pub fn rim(&self) -> &[RimLink] {
         &self.rim
+    }
+
+    /// How many times as much edges weigh that lead out of thin electrodes as elsewhere, each once: between two electrodes it is the
+    /// mean of what both make of it.
+    pub(crate) fn rim_edges(&self) -> impl Iterator<Item = ([u32; 2], f64)> {
+        let ends = |edge: &RimEdge| [edge.node.min(edge.outside), edge.node.max(edge.outside)];
+        let mut edges: Vec<([u32; 2], f64)> =
+            self.rim_edges.iter().map(|edge| (ends(edge), edge.factor)).collect();
+        edges.sort_by_key(|(ends, _)| *ends);
+        let of_edge = |same: &[([u32; 2], f64)]| {
+            let sum: f64 = same.iter().map(|(_, factor)| factor).sum();
+            (same[0].0, sum / same.len() as f64)
+        };
+        let each: Vec<_> = edges.chunk_by(|a, b| a.0 == b.0).map(of_edge).collect();
+        each.into_iter()
     }
 
     /// The part of an edge that lies outside the electrode which one of its ends belongs to, when the edge lies in the

@@ -174,8 +174,15 @@ impl EdgeNetwork {
             }
         }
         network.rim = sensor.rim().to_vec();
-        if weights == Weights::OfElements {
-            network.rim.iter_mut().for_each(|link| link.weight = link.of_elements);
+        match weights {
+            Weights::OfElements => network.rim.iter_mut().for_each(|link| link.weight = link.of_elements),
+            Weights::Matched => {
+                for (ends, factor) in sensor.rim_edges() {
+                    if let Some(edge) = network.edges.between(ends) {
+                        network.weights[edge] *= factor;
+                    }
+                }
+            }
         }
         network.out_of_plane = network.find_out_of_plane(sensor.mesh().nodes());
         network.held_rows = sensor.held_rows().count();

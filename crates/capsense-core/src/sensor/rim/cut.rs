@@ -23,7 +23,7 @@ pub(crate) fn rim_of_cut(mesh: &TetMesh, electrode: &Electrode, flat: f64) -> Op
     let places = Places::of(&electrode.outline);
     let plane = Plane::of(mesh, electrode, &places, flat)?;
     let root = Tube::around(mesh, electrode, &plane, &places).map_or(USUAL, |tube| tube.root());
-    let mut rim = Rim { held: plane.held, linked: Vec::new() };
+    let mut rim = Rim { held: plane.held, ..Rim::default() };
     for (node, of) in plane.near {
         match link_of(&of, root) {
             Link::Held => rim.held.push(node),

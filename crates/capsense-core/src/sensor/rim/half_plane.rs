@@ -40,6 +40,8 @@ pub(super) struct HalfPlane {
     pub(super) weight: f64,
     /// b.
     pub(super) reach: f64,
+    /// c_1.
+    pub(super) first: f64,
 }
 
 impl HalfPlane {
@@ -47,7 +49,7 @@ impl HalfPlane {
     pub(super) fn new(stacks: &[Stack; 2]) -> Self {
         let first = stacks.each_ref().map(Stack::first);
         let sum = first[0].permittivity + first[1].permittivity;
-        let (mut mean, mut reach) = (0.0, 0.0);
+        let mut parts = Parts::default();
         for j in 0..SAMPLES {
             let square_of_sine = (PI * (j as f64 + 0.5) / (2 * SAMPLES) as f64).sin().powi(2);
             let side = |side: usize| {
@@ -55,15 +57,14 @@ impl HalfPlane {
                 first[side].permittivity * (1.0 + aspect * aspect * square_of_sine).sqrt()
             };
             let log_kernel = ((side(0) + side(1)) / sum).ln();
-            mean += log_kernel / SAMPLES as f64;
-            reach += log_kernel / square_of_sine / (4 * SAMPLES) as f64;
+            parts.mean += log_kernel / SAMPLES as f64;
+            parts.first += log_kernel * (1.0 - 2.0 * square_of_sine) / SAMPLES as f64;
+            parts.reach += log_kernel / square_of_sine / (4 * SAMPLES) as f64;
         }
         if !stacks.iter().all(Stack::is_endless) {
-            let by_others = by_other_cells(stacks);
-            mean += by_others.mean;
-            reach += by_others.reach;
+            parts.add_other_cells(stacks);
         }
-        Self { weight: sum * mean.exp(), reach }
+        Self { weight: sum * parts.mean.exp(), reach: parts.reach, first: parts.first }
     }
 
     /// How deep inside of the rim, in metres, every row has at least some share, whatever the permittivities and the
@@ -79,33 +80,36 @@ impl HalfPlane {
     }
 }
 
-/// Parts of c_0 and b.
-struct Part {
+/// Sums for c_0, c_1 and b.
+#[derive(Debug, Default)]
+struct Parts {
     mean: f64,
+    first: f64,
     reach: f64,
 }
 
-/// What they are more than if the first cells went on for ever.
-fn by_other_cells(stacks: &[Stack; 2]) -> Part {
-    let first = stacks.each_ref().map(Stack::first);
-    let sum = first[0].permittivity + first[1].permittivity;
-    let log_of_exact =
-        |wave: f64| (stacks.iter().map(|stack| stack.exact(wave)).sum::<f64>() / (sum * wave)).ln();
-    let mut part = Part { mean: 0.0, reach: 0.0 };
-    for j in 0..GRADED_SAMPLES {
-        // k = π s² up to half a period, 1/k = s²/π beyond; with 2 s ds, and 1/π of all integrals.
-        let s = (j as f64 + 0.5) / GRADED_SAMPLES as f64;
-        let step = 2.0 * s / GRADED_SAMPLES as f64;
-        let wave = PI * s * s;
-        let square = 4.0 * (0.5 * wave).sin().powi(2);
-        let on_lattice: f64 = stacks.iter().map(|stack| stack.on_lattice(square)).sum();
-        let endless: f64 = first.iter().map(|cell| cell.endless(square)).sum();
-        let log_of_lattice = (on_lattice / endless).ln();
-        part.mean += step * log_of_lattice;
-        part.reach += step * (log_of_lattice / square - log_of_exact(wave) / (wave * wave));
-        part.reach -= step * log_of_exact(PI / (s * s)) / (PI * PI);
+impl Parts {
+    /// Adds what they are more than if the first cells went on for ever.
+    fn add_other_cells(&mut self, stacks: &[Stack; 2]) {
+        let first = stacks.each_ref().map(Stack::first);
+        let sum = first[0].permittivity + first[1].permittivity;
+        let log_of_exact =
+            |wave: f64| (stacks.iter().map(|stack| stack.exact(wave)).sum::<f64>() / (sum * wave)).ln();
+        for j in 0..GRADED_SAMPLES {
+            // k = π s² up to half a period, 1/k = s²/π beyond; with 2 s ds, and 1/π of all integrals.
+            let s = (j as f64 + 0.5) / GRADED_SAMPLES as f64;
+            let step = 2.0 * s / GRADED_SAMPLES as f64;
+            let wave = PI * s * s;
+            let square = 4.0 * (0.5 * wave).sin().powi(2);
+            let on_lattice: f64 = stacks.iter().map(|stack| stack.on_lattice(square)).sum();
+            let endless: f64 = first.iter().map(|cell| cell.endless(square)).sum();
+            let log_of_lattice = (on_lattice / endless).ln();
+            self.mean += step * log_of_lattice;
+            self.first += step * log_of_lattice * wave.cos();
+            self.reach += step * (log_of_lattice / square - log_of_exact(wave) / (wave * wave));
+            self.reach -= step * log_of_exact(PI / (s * s)) / (PI * PI);
+        }
     }
-    part
 }
 
 #[cfg(test)]

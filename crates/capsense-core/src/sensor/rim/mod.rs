@@ -12,6 +12,7 @@ mod lattice;
 mod place;
 mod plane;
 mod relax;
+mod second_order;
 mod sheet;
 mod side;
 mod stack;
@@ -69,6 +70,14 @@ pub struct RimLink {
     pub rows: f64,
 }
 
+/// An edge from a node at a rim straight out of the electrode, in its plane, and how many times as much it weighs as others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RimEdge {
+    pub(crate) node: u32,
+    pub(crate) outside: u32,
+    pub(crate) factor: f64,
+}
+
 /// What an electrode makes of the nodes at its rim.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Rim {
@@ -76,6 +85,8 @@ pub(super) struct Rim {
     pub(super) held: Vec<u32>,
     /// Nodes that are linked to it.
     pub(super) linked: Vec<Linked>,
+    /// Edges that weigh less, or more, for it.
+    pub(super) edges: Vec<RimEdge>,
 }
 
 impl Rim {
