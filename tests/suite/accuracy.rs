@@ -48,18 +48,18 @@ fn small_lattices_are_exact_to_a_few_percent() {
     }
 }
 
-/// With the dual lengths that linear elements have, floating bars are off by up to 2.7 % and C by 1.8.
+/// With the dual lengths that linear elements have, and rims that are right in first order, C is off by up to 1.8 %.
 #[test]
-fn bars_over_a_lattice_of_130_000_are_exact_to_two_percent() {
+fn bars_over_a_lattice_of_130_000_are_exact_to_three_percent() {
     let design = stripes();
     let sensor = Sensor::on_lattice(&design, &design.lattice(130_000).unwrap()).unwrap();
     let bars: Vec<Body> = bodies().into_iter().filter(|body| body.name.starts_with("bar")).collect();
     let errors = measure(&sensor, &bars).unwrap().errors(&bars, &References::load().unwrap()).unwrap();
-    assert!(errors.empty[..3].iter().all(|error| error.abs() < 1.85), "{:?}", errors.empty);
+    assert!(errors.empty[..3].iter().all(|error| error.abs() < 0.9), "{:?}", errors.empty);
     for (bar, [grounded, floating]) in bars.iter().zip(errors.changes) {
         // Of C13, a floating bar changes next to nothing.
-        assert!(grounded.iter().all(|error| error.abs() < 1.2), "{}: {grounded:?}", bar.name);
-        assert!(floating[..3].iter().all(|error| error.abs() < 2.0), "{}: {floating:?}", bar.name);
+        assert!(grounded.iter().all(|error| error.abs() < 0.9), "{}: {grounded:?}", bar.name);
+        assert!(floating[..3].iter().all(|error| error.abs() < 2.8), "{}: {floating:?}", bar.name);
     }
 }
 

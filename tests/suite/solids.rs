@@ -73,7 +73,7 @@ fn a_hand_is_the_same_through_the_camera_and_as_a_solid() {
         let largest = solid[3][entry].abs();
         for (seen, solid) in seen.iter().zip(&solid) {
             // Pixels are 5.8 mm wide, and a camera sees no gap between thumb and palm, where cells are as high as the hand.
-            assert!((seen[entry] - solid[entry]).abs() < 0.035 * largest, "{entry}: {seen:?} {solid:?}");
+            assert!((seen[entry] - solid[entry]).abs() < 0.05 * largest, "{entry}: {seen:?} {solid:?}");
         }
         assert!(solid.windows(2).all(|pair| pair[1][entry] > pair[0][entry]), "{entry}: {solid:?}");
     }

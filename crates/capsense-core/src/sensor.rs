@@ -22,6 +22,7 @@ use crate::mesh::{Lattice, TetMesh};
 use design::check_names;
 use glam::DVec3;
 use rim::{Ground, Linked, Rim, RimEdge, rim_of_cut, rim_on_lattice, rims_of_sheets};
+use std::collections::BTreeMap;
 use wall::{WallFace, nodes_of, outer_faces, reaching_out};
 
 /// Everything that is held at one potential: ground is 0, electrodes follow in their order, then objects.
@@ -95,6 +96,7 @@ impl Sensor {
             sensor.open(&outer_faces(&sensor.mesh, &is_on_wall));
         }
         sensor.rim.shrink_to_fit();
+        sensor.rim_edges.shrink_to_fit();
         sensor.check_reachable()?;
         Ok(sensor)
     }
@@ -400,17 +402,13 @@ impl Sensor {
 
     /// How many times as much edges weigh that lead out of thin electrodes as elsewhere, each once: between two electrodes it is the
     /// mean of what both make of it.
-    pub(crate) fn rim_edges(&self) -> impl Iterator<Item = ([u32; 2], f64)> {
-        let ends = |edge: &RimEdge| [edge.node.min(edge.outside), edge.node.max(edge.outside)];
-        let mut edges: Vec<([u32; 2], f64)> =
-            self.rim_edges.iter().map(|edge| (ends(edge), edge.factor)).collect();
-        edges.sort_by_key(|(ends, _)| *ends);
-        let of_edge = |same: &[([u32; 2], f64)]| {
-            let sum: f64 = same.iter().map(|(_, factor)| factor).sum();
-            (same[0].0, sum / same.len() as f64)
-        };
-        let each: Vec<_> = edges.chunk_by(|a, b| a.0 == b.0).map(of_edge).collect();
-        each.into_iter()
+    pub(crate) fn rim_edges(&self) -> BTreeMap<[u32; 2], f64> {
+        let mut edges: BTreeMap<[u32; 2], f64> = BTreeMap::new();
+        for &RimEdge { node, outside, factor } in &self.rim_edges {
+            let ends = [node.min(outside), node.max(outside)];
+            edges.entry(ends).and_modify(|other| *other = 0.5 * (*other + factor)).or_insert(factor);
+        }
+        edges
     }
 
     /// The part of an edge that lies outside the electrode which one of its ends belongs to, when the edge lies in the

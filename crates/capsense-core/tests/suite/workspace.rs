@@ -122,21 +122,15 @@ fn other_gradings_are_tried() {
     assert!(error < SAFETY * 0.01, "{error}");
 }
 
-/// Errors of large lattices stay at 0.3 % of ΔC while links weigh what cells around them ask for, and here the usual one of 305,000
-/// tetrahedra is too far off a plate aside, one with lower layers is not.
+/// For 0.2 % of what is near a plate aside, a lattice with lower layers than the usual one has the fewest tetrahedra, and links that suit it.
 #[test]
 fn large_lattices_have_links_and_layers_that_suit_them() {
     let design = three_stripes();
     let places = vec![DVec3::new(-0.042, -0.042, 0.052)];
-    let request = MeshRequest::new(&design, 0.003, MeshKind::Lattice);
+    let request = MeshRequest::new(&design, 0.002, MeshKind::Lattice);
     let choice = MeshRequest { probes: Probes::at(&design, places), ..request }.choose(&design).unwrap();
-    for t in [0.003, 0.0025, 0.002, 0.0015] { let places = vec![DVec3::new(-0.042, -0.042, 0.052)];
-    let request = MeshRequest::new(&design, t, MeshKind::Lattice);
-    let choice = MeshRequest { probes: Probes::at(&design, places), ..request }.choose(&design).unwrap();
-    let lattice = choice.sensor.lattice().unwrap();
-    println!("{t} {} {} {} {}", choice.error, choice.allowed, design.lattices_of_lower_layers(choice.allowed).unwrap().contains(lattice), *lattice == design.lattice(choice.allowed).unwrap()); }
-    assert!(choice.error < 0.003, "{}", choice.error);
-    assert!((250_000..350_000).contains(&choice.allowed), "{}", choice.allowed);
+    assert!(choice.error < 0.002, "{}", choice.error);
+    assert!((200_000..300_000).contains(&choice.allowed), "{}", choice.allowed);
     let lattice = choice.sensor.lattice().unwrap();
     assert!(design.lattices_of_lower_layers(choice.allowed).unwrap().contains(lattice));
     assert_ne!(*lattice, design.lattice(choice.allowed).unwrap());
@@ -170,10 +164,9 @@ fn of_at_most_so_many_tetrahedra_the_best_mesh_is_taken() {
     for (elements, most) in [(15_000, 0.5), (40_000, 0.6)] {
         let best = best(elements, None);
         assert!(best.mesh().tets().len() <= elements);
-        let (of_best, of_usual) = (error(best), error(generated(elements)));
-        let ratio = of_best / of_usual;
-        println!("{elements}: {ratio:.2} {of_best} {of_usual}");
-        assert!(ratio <= 99.0*most, "{elements}: {ratio}");
+        let ratio = error(best) / error(generated(elements));
+        println!("{elements}: {ratio:.2}");
+        assert!(ratio <= most, "{elements}: {ratio}");
     }
     assert_eq!(best(15_000, Some(1)), best(15_000, Some(3)));
     // Of so few nothing is compared; if it were, 6,720 would be taken.

@@ -25,18 +25,13 @@ const LOOK: f64 = 3.0;
 /// one and a half cells, as without any, C is more exact by a quarter with the covered part, but what bodies change is not.
 const SPREADING: f64 = 0.7;
 
-/// Where a field spreads and cells inside and outside of a rim are not alike, it looks as if it ended by this part of the way from the node to the middle of
-/// its cell beyond where it would. Of stripes in rows of nodes that are half to twice as far apart outside as inside it is 0.32 to 0.43, the less the
-/// higher cells are (a program that is not kept).
-const OF_UNEQUAL: f64 = 0.37;
-
-/// As [`CONVEX_CORNER`], beside sides that are right in second order.
+/// What [`CONVEX_CORNER`] is between sides that are right in second order.
 const CONVEX_CORNER_OF_SIDES: f64 = 0.68;
 
-/// Rims further from an axis than this, the smaller part of their normal, are right in first order only.
+/// Where the smaller part of a rim's normal is as large as this, or larger, it is right in first order only.
 const OBLIQUE: f64 = 0.25;
 
-/// An edge keeps at least this part of its weight.
+/// An edge out of an electrode keeps at least this part of its weight: those between flat cells have little.
 const LEAST_OF_EDGE: f64 = 0.5;
 
 /// Nodes closer to the outline than this part of a cell lie on it.
@@ -186,8 +181,7 @@ impl Surroundings<'_> {
         let spreading = (1.0 - plates / half_plane.weight).max(0.0);
         // Where a field goes straight down, what counts is the part of the node's cell that is covered.
         let straight = (1.0 - spreading / SPREADING).max(0.0);
-        let of_spreading = if self.ground.dual_lengths.is_some() { OF_UNEQUAL } else { 0.0 };
-        let distance = distance + (straight + of_spreading * (1.0 - straight)) * normal.dot(self.middle);
+        let distance = distance + straight * normal.dot(self.middle);
         let share = half_plane.share(distance / rows).clamp(0.0, 1.0);
         Shared {
             share,
@@ -199,7 +193,7 @@ impl Surroundings<'_> {
         }
     }
 
-    /// The edge's is what it weighs more or less, in parts of its weight. Plates have no second order.
+    /// In parts of the edge's own weight, as far as a field spreads: plates have no second order. Nor have linear elements.
     fn second_order(
         &self,
         half_plane: &HalfPlane,
@@ -208,12 +202,11 @@ impl Surroundings<'_> {
         normal: DVec2,
         spreading: f64,
     ) -> SecondOrder {
-        if self.ground.dual_lengths.is_none() || !(0.0..LARGEST_SHARE).contains(&share) || share == 0.0 {
+        if self.ground.dual_lengths.is_none() || share <= 0.0 || share >= LARGEST_SHARE {
             return SecondOrder::NONE;
         }
         let part = spreading * (1.0 - normal.abs().min_element() / OBLIQUE).max(0.0);
-        let edge: f64 =
-            stacks.iter().map(|stack| 0.5 * stack.first().height * stack.first().permittivity).sum();
+        let edge: f64 = stacks.iter().map(Stack::half_of_row).sum();
         let of = |part| {
             let second = SecondOrder::new(half_plane, share, part);
             SecondOrder { edge: second.edge * half_plane.weight / edge, ..second }
@@ -256,6 +249,7 @@ struct Shared {
     weight: f64,
     /// The part of the weight that is not that of the plate capacitors down and up to shields.
     spreading: f64,
+    /// What link and edge weigh more or less, the edge in parts of its own weight.
     second: SecondOrder,
     /// Of the rim, or of the side that matters more.
     normal: DVec2,

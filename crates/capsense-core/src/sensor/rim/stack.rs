@@ -35,6 +35,11 @@ impl Stack {
         self.first
     }
 
+    /// Weight of an edge in the plane that is as long as rows are apart, this side's half, for each unit of length across.
+    pub(super) fn half_of_row(&self) -> f64 {
+        0.5 * self.first.height * self.first.permittivity
+    }
+
     /// Whether it is the same cell for ever.
     pub(super) fn is_endless(&self) -> bool {
         self.others.is_empty() && !self.is_held
