@@ -360,7 +360,7 @@ impl Room {
             cut
         };
         match wedges.between(ends) {
-            Some(wedges) => scene.between_wedges(edge, ends, wedges, owners, cut, covered),
+            Some(at) => scene.between_wedges(wedges.stars(), (edge, ends), at, owners, cut, covered),
             None => covered,
         }
     }

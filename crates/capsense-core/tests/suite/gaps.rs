@@ -69,7 +69,7 @@ fn a_grounded_body_shields_a_floating_one_across_a_gap_without_nodes() {
     }
 }
 
-/// The further the bars are from each other, the less the grounded one does, but for 3 % as nodes pass through the gap.
+/// The further the bars are from each other, the less the grounded one does, but for 3.5 % as nodes pass through the gap.
 #[test]
 fn changes_fall_steadily_as_a_gap_opens() {
     for sensor in both(sensor(30_000)) {
@@ -79,7 +79,7 @@ fn changes_fall_steadily_as_a_gap_opens() {
             for (step, pair) in changes.windows(2).enumerate() {
                 for (before, after) in pair[0].into_iter().zip(pair[1]) {
                     let fall = 1.0 - after / before;
-                    assert!((-0.03..0.06).contains(&fall), "{lowest}, step {step}: {before:e} {after:e}");
+                    assert!((-0.035..0.06).contains(&fall), "{lowest}, step {step}: {before:e} {after:e}");
                 }
             }
         }

@@ -16,6 +16,7 @@ mod bodies;
 mod camera_wall;
 mod closed_forms;
 mod continuity;
+mod corners;
 mod cut_rim;
 mod cylinder;
 mod depth;

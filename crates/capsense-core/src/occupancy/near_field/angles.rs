@@ -57,26 +57,6 @@ impl RightAngles {
         self.of_box(half, local, axis, inside_of(-outside[axis], squared.to_array()))
     }
 
-    /// For either of two points of the sensor frame, the edge of a box that is nearest to it: how far the other point is before
-    /// the first face of both, then before the second.
-    #[inline(always)]
-    pub(super) fn before_each_other(&self, half: DVec3, points: [DVec3; 2]) -> [[f64; 2]; 2] {
-        let local =
-            points.map(|point| self.object_from_sensor * (point - self.sensor_from_object.translation));
-        let before = |near: DVec3, point: DVec3| {
-            let [_, squared] = distances_of_box(half, near);
-            let outside = point * DVec3::ONE.copysign(near) - half;
-            match axis_of(squared) {
-                0 => [outside.y, outside.z],
-                1 => [outside.z, outside.x],
-                _ => [outside.x, outside.y],
-            }
-        };
-        let [[first_p, first_q], [second_p, second_q]] =
-            [before(local[0], local[1]), before(local[1], local[0])];
-        [[first_p, second_p], [first_q, second_q]]
-    }
-
     /// Of the four edges of a box along an axis, that which is nearest to a point of the box's frame; the place on it is so far
     /// from its end.
     #[inline(always)]

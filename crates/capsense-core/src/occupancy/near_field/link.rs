@@ -3,7 +3,7 @@
 use super::super::coupling::SMALLEST_PART;
 use super::field::{around_rim, wedge_potentials};
 use super::row::larger;
-use super::{AtWedge, RightAngle};
+use super::{AtWedge, RightAngle, smooth};
 use crate::instructions::widest;
 use glam::DVec3;
 
@@ -39,6 +39,9 @@ pub(super) struct LinkBatch {
     unlinked: [Unlinked; TOGETHER],
     /// How far each node is before either face.
     own: [Nodes; 2],
+    /// How much further behind the node either face seems a cell from it, and one over the size of a cell.
+    inwards: [Nodes; 2],
+    per_size: [Nodes; 2],
     /// By how much both grow along each axis of the sensor frame.
     slopes: [[Nodes; 3]; 2],
     /// By how much the way along the edge does; of any numbers for straight edges.
@@ -128,6 +131,8 @@ impl LinkBatch {
         count: 0,
         unlinked: [Unlinked::NONE; TOGETHER],
         own: [[0.0; TOGETHER]; 2],
+        inwards: [[0.0; TOGETHER]; 2],
+        per_size: [[0.0; TOGETHER]; 2],
         slopes: [[[0.0; TOGETHER]; 3]; 2],
         along: [[0.0; TOGETHER]; 3],
         curvature: [0.0; TOGETHER],
@@ -159,7 +164,9 @@ impl LinkBatch {
         let at = self.count;
         self.count += 1;
         self.unlinked[at] = unlinked;
-        (0..2).for_each(|face| self.own[face][at] = before[face]);
+        for (face, before) in before.into_iter().enumerate() {
+            (self.own[face][at], self.inwards[face][at], self.per_size[face][at]) = (before, 0.0, 0.0);
+        }
         for (slopes, normal) in self.slopes.iter_mut().zip(normals) {
             slopes.iter_mut().zip(normal.to_array()).for_each(|(slope, along)| slope[at] = along);
         }
@@ -167,6 +174,15 @@ impl LinkBatch {
         self.of_negative[at] = unlinked.of_negative;
         for number in 0..NEIGHBOURS {
             (self.steps[number][at], self.weights[number][at]) = (steps[number], weights[number]);
+        }
+    }
+
+    /// Lets faces of the node that was taken last seem further in, a cell from them, where cells have such sizes.
+    #[inline(always)]
+    pub(super) fn move_last(&mut self, inwards: [f64; 2], sizes: [f64; 2]) {
+        let Some(at) = self.count.checked_sub(1) else { return };
+        for face in 0..2 {
+            (self.inwards[face][at], self.per_size[face][at]) = (inwards[face], 1.0 / sizes[face]);
         }
     }
 
@@ -209,6 +225,12 @@ impl LinkBatch {
         }
     }
 
+    /// How far a point seems before a face that is so far from it.
+    #[inline(always)]
+    fn seen(&self, face: usize, at: usize, before: f64) -> f64 {
+        before + self.inwards[face][at] * smooth(super::smaller(before.abs() * self.per_size[face][at], 1.0))
+    }
+
     /// Whether no straight way from a node to a neighbour passes the object: a face is behind both of them.
     #[inline(always)]
     fn is_seen(&self, number: usize, at: usize) -> bool {
@@ -237,8 +259,8 @@ impl pulp::NullaryFnOnce for PlaceNeighbours<'_> {
                 let [p, q] = [0, 1].map(|face: usize| step * batch.slopes[face][number / 2][at]);
                 let is_plain = batch.is_seen(number, at) | (batch.weights[number][at] == 0.0);
                 batch.doubtful[at] += if is_plain { 0.0 } else { 1.0 };
-                batch.before[number][0][at] = batch.own[0][at] + p;
-                batch.before[number][1][at] = batch.own[1][at] + q;
+                batch.before[number][0][at] = batch.seen(0, at, batch.own[0][at] + p);
+                batch.before[number][1][at] = batch.seen(1, at, batch.own[1][at] + q);
             }
         }
     }
@@ -275,7 +297,13 @@ impl pulp::NullaryFnOnce for FindLinks<'_> {
     #[inline(always)]
     fn call(self) -> Links<TOGETHER> {
         let batch = self.0;
-        let mut own = wedge_potentials(&batch.own[0], &batch.own[1]);
+        let mut own_places = batch.own;
+        for (face, places) in own_places.iter_mut().enumerate() {
+            for (at, place) in places.iter_mut().enumerate() {
+                *place = batch.seen(face, at, *place);
+            }
+        }
+        let mut own = wedge_potentials(&own_places[0], &own_places[1]);
         let mut of_neighbours = [[0.0; TOGETHER]; NEIGHBOURS];
         for (potentials, [p, q]) in of_neighbours.iter_mut().zip(&batch.before) {
             *potentials = wedge_potentials(p, q);

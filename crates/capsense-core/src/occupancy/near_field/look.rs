@@ -1,10 +1,12 @@
 //! What a node asks of its neighbours when its link is to be found.
 
+use super::box_field::BoxField;
 use super::cells::either;
 use super::link::{NEIGHBOURS, Unlinked};
 use super::star::{Star, Stars};
 use super::{AtWedge, RoundNear};
 use crate::occupancy::Scene;
+use glam::DVec3;
 
 /// What nodes are looked at with.
 #[derive(Clone, Copy)]
@@ -46,14 +48,40 @@ impl Look<'_> {
 
     /// What a node makes of a round surface.
     pub(super) fn linked_to_round(&self, star: &Star<'_>, round: &RoundNear, unlinked: &Unlinked) -> AtWedge {
-        let potential = |node: usize| round.potential(self.scene.mesh.nodes[node]);
+        self.linked_by(star, unlinked, |point| round.potential(point), |_| false)
+    }
+
+    /// What a node makes of a box's edges.
+    ///
+    /// # Panics
+    /// Where the object is no box.
+    pub(super) fn linked_to_box(&self, star: &Star<'_>, unlinked: &Unlinked) -> AtWedge {
+        let Some((angles, half)) = self.scene.fields[usize::from(unlinked.at.object)].of_box() else {
+            unreachable!("only boxes have corners");
+        };
+        let field = BoxField::seen_from(star, angles, half);
+        self.linked_by(star, unlinked, |point| field.potential(point), |point| field.sees(point))
+    }
+
+    /// What a node makes of a conductor whose potential is known around it. Of points that are seen nobody asks whether the conductor is
+    /// before them.
+    fn linked_by(
+        &self,
+        star: &Star<'_>,
+        unlinked: &Unlinked,
+        potential: impl Fn(DVec3) -> f64,
+        is_seen: impl Fn(DVec3) -> bool,
+    ) -> AtWedge {
+        let potential = |node: usize| potential(self.scene.mesh.nodes[node]);
         let (mut weights, mut potentials) = ([[0.0]; NEIGHBOURS], [[0.0]; NEIGHBOURS]);
         let [_, of_edges] = self.neighbours(star, unlinked.at.object);
         for (number, weight) in of_edges.into_iter().enumerate() {
             if weight != 0.0 {
                 let node = self.stars.neighbour_of(star.node, number);
-                if !self.is_between(unlinked.at.object, star.node, node) {
-                    (weights[number], potentials[number]) = ([weight], [potential(node)]);
+                let is_hidden = || self.is_between(unlinked.at.object, star.node, node);
+                potentials[number] = [potential(node)];
+                if is_seen(self.scene.mesh.nodes[node]) || !is_hidden() {
+                    weights[number] = [weight];
                 }
             }
         }

@@ -19,6 +19,7 @@
 mod angles;
 mod at_pose;
 mod between;
+mod box_field;
 mod cells;
 mod changed;
 mod end_table;
@@ -52,6 +53,7 @@ use crate::instructions::widest;
 use crate::mesh::Edges;
 use crate::sensor::FREE;
 use crate::workers::Workers;
+use box_field::within;
 use cells::RowCells;
 pub(crate) use cells::either;
 use glam::DVec3;
@@ -60,8 +62,8 @@ use look::Look;
 use nodes_anew::{NodesAnew, Room};
 use row::{FindNearest, NearestEdges};
 pub(crate) use row::{larger, smaller};
-use star::{FAR, Stars, StarsInRow};
-pub(super) use star::{Row, Star};
+use star::{FAR, StarsInRow};
+pub(super) use star::{Row, Star, Stars};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
@@ -262,6 +264,11 @@ impl Wedges {
         (a.is_beside || is_all_a) && (b.is_beside || is_all_b) && !(is_all_a && is_all_b)
     }
 
+    /// All nodes and their neighbours.
+    pub(super) fn stars(&self) -> &Stars {
+        &self.stars
+    }
+
     /// What is left of an edge with free ends that no object is on: the link that it carries. `None` where walls may pass
     /// beside it.
     #[inline]
@@ -338,12 +345,12 @@ impl Scene<'_> {
     fn leave_out(&self, row: &StarsInRow<'_>, nearest: &mut [NearestEdges]) {
         for (object, nearest) in nearest.iter_mut().enumerate().take(self.bounds.len()) {
             let of_box = self.fields[object].of_box().filter(|_| self.is_conductor(object));
-            let Some((angles, _)) = of_box.filter(|_| !row.is_within(&self.bounds[object])) else { continue };
+            let Some((angles, half)) = of_box.filter(|_| !row.is_within(&self.bounds[object])) else {
+                continue;
+            };
             for (number, star) in row.each().enumerate() {
-                if nearest.share(number) > 0.0
-                    && let Some(angle) = angles.nearest(star.place())
-                {
-                    nearest.take_part(number, star.within(angle.place, angle.along()));
+                if nearest.share(number) > 0.0 {
+                    nearest.take_part(number, within(&star, angles, half));
                 }
             }
         }

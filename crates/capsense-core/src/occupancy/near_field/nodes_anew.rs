@@ -1,10 +1,11 @@
 //! Nodes near conductors that are looked at anew: what they make of them follows from the scene alone, so threads share them.
 
+use super::box_field::inwards;
 use super::link::{LinkBatch, Unlinked};
 use super::look::Look;
 use super::row::NearestEdges;
 use super::star::Row;
-use super::{AtWedge, Near};
+use super::{AtWedge, Cells, Near};
 use crate::occupancy::NO_OBJECT;
 use crate::occupancy::index_set::Part;
 use std::ops::Range;
@@ -115,7 +116,14 @@ impl NodesAnew<'_> {
                 None => {
                     let (edge, before) = nearest[object].edge(number);
                     let unlinked = scene.unlinked(&star, (object, share), edge, is_beside);
+                    if nearest[object].is_by_corner(number) {
+                        let at = look.linked_to_box(&star, &unlinked);
+                        self.settle(star.node, unlinked.sides, at);
+                        continue;
+                    }
                     batch.push(unlinked, before, &edge.normals, look.neighbours(&star, object as u16));
+                    let moved = edge.normals.map(|normal| inwards(&star, normal));
+                    batch.move_last(moved, edge.normals.map(|normal| star.size_along(normal)));
                 }
                 Some(Near::Edge(angle)) => {
                     let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);

@@ -3,7 +3,8 @@
 //! The same as is found for one node at a time. Along a row of the lattice only x differs, and what
 //! depends on y and z is computed once.
 
-use super::angles::{RightAngles, inside_of};
+use super::angles::RightAngles;
+use super::box_field::{of_length, parts};
 use super::cells::{RowCells, TOGETHER, either};
 use super::share::is_thicker;
 use super::{Extent, FAR, NEAR, smooth};
@@ -20,8 +21,9 @@ pub(super) struct NearestEdges {
     /// How far the node is before either of its faces.
     before: [[f64; RUN]; 2],
     share: [f64; RUN],
-    /// A bit for each node: whether an edge may be among the cells around it.
+    /// A bit for each node: whether an edge may be among the cells around it, and whether others are as near as the nearest.
     may_be_beside: u64,
+    by_corner: u64,
 }
 
 impl NearestEdges {
@@ -31,6 +33,7 @@ impl NearestEdges {
         before: [[0.0; RUN]; 2],
         share: [0.0; RUN],
         may_be_beside: 0,
+        by_corner: 0,
     };
 
     /// Takes the box whose edges are looked for from now on.
@@ -41,7 +44,7 @@ impl NearestEdges {
     /// Of no node is any edge near.
     pub(super) fn clear(&mut self) {
         self.share.fill(0.0);
-        self.may_be_beside = 0;
+        (self.may_be_beside, self.by_corner) = (0, 0);
     }
 
     /// The share of the edge that is nearest to a node.
@@ -59,6 +62,12 @@ impl NearestEdges {
     #[inline]
     pub(super) fn may_be_beside(&self) -> u64 {
         self.may_be_beside
+    }
+
+    /// Whether other edges have a part in the field at a node.
+    #[inline]
+    pub(super) fn is_by_corner(&self, node: usize) -> bool {
+        self.by_corner >> node & 1 != 0
     }
 
     /// The edge that is nearest to a node, and how far the node is before either face.
@@ -151,50 +160,48 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
         let middle = start + turn.y_axis * (0.5 * y.skew) + turn.z_axis * (0.5 * z.skew);
         let (turn_x, turn_y, turn_z) = (turn.x_axis, turn.y_axis, turn.z_axis);
         let along = turn.x_axis.abs();
-        nearest.may_be_beside = 0;
+        (nearest.may_be_beside, nearest.by_corner) = (0, 0);
         for group in 0..row.groups() {
             let x = row.group(group);
             let nodes = group * TOGETHER..(group + 1) * TOGETHER;
             let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 3]);
-            let mut may_be_beside = 0;
+            let (mut may_be_beside, mut by_corner) = (0, 0);
             for node in 0..TOGETHER {
                 let x = x.at(node);
                 let way = x.at - origin.x;
                 let point = [start.x + turn_x.x * way, start.y + turn_x.y * way, start.z + turn_x.z * way];
                 let outside = [point[0].abs() - half.x, point[1].abs() - half.y, point[2].abs() - half.z];
-                let squared = [outside[0] * outside[0], outside[1] * outside[1], outside[2] * outside[2]];
-                let beyond = [larger(outside[0], 0.0), larger(outside[1], 0.0), larger(outside[2], 0.0)];
-                let sum = squared[0] + squared[1] + squared[2];
-                // The squares of the distances from the nearest edges along each axis.
-                let squared = [
-                    sum - squared[0] + beyond[0] * beyond[0],
-                    sum - squared[1] + beyond[1] * beyond[1],
-                    sum - squared[2] + beyond[2] * beyond[2],
-                ];
-                let is_x = (squared[0] <= squared[1]) & (squared[0] <= squared[2]);
-                let is_z = !is_x & (squared[2] < squared[1]);
+                let is_x = (outside[0] <= outside[1]) & (outside[0] <= outside[2]);
+                let is_z = !is_x & (outside[2] < outside[1]);
                 let of_axis = |x: f64, y: f64, z: f64| either(is_x, x, either(is_z, z, y));
-                let from = [
-                    either(is_x, 0.0, half.x.copysign(point[0]) - point[0]),
-                    either(is_x | is_z, half.y.copysign(point[1]) - point[1], 0.0),
-                    either(is_z, 0.0, half.z.copysign(point[2]) - point[2]),
-                ];
-                // Across the rows of the rotation, which takes the box's frame to the sensor's.
-                let ways = [
-                    turn_x.x * from[0] + turn_x.y * from[1] + turn_x.z * from[2],
-                    turn_y.x * from[0] + turn_y.y * from[1] + turn_y.z * from[2],
-                    turn_z.x * from[0] + turn_z.y * from[1] + turn_z.z * from[2],
-                ];
-                let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
-                let farthest = larger(larger(cells[0], cells[1]), cells[2]);
-                let part = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
-                let length = of_axis(
+                let sizes = [
                     lengths.x + along.x * x.narrowest,
                     lengths.y + along.y * x.narrowest,
                     lengths.z + along.z * x.narrowest,
-                );
-                let before_end = -of_axis(outside[0], outside[1], outside[2]);
-                let inside = inside_of(before_end, squared);
+                ];
+                let parts = parts(outside, sizes);
+                let all = parts[0] + parts[1] + parts[2];
+                // To the faces, and along edges to where they end.
+                let to_faces = [
+                    half.x.copysign(point[0]) - point[0],
+                    half.y.copysign(point[1]) - point[1],
+                    half.z.copysign(point[2]) - point[2],
+                ];
+                let mut missing = 0.0;
+                for axis in 0..3 {
+                    let mut from = to_faces;
+                    from[axis] = either(outside[axis] > 0.0, to_faces[axis], 0.0);
+                    // Across the rows of the rotation, which takes the box's frame to the sensor's.
+                    let ways = [
+                        turn_x.x * from[0] + turn_x.y * from[1] + turn_x.z * from[2],
+                        turn_y.x * from[0] + turn_y.y * from[1] + turn_y.z * from[2],
+                        turn_z.x * from[0] + turn_z.y * from[1] + turn_z.z * from[2],
+                    ];
+                    let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
+                    let farthest = larger(larger(cells[0], cells[1]), cells[2]);
+                    let near = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
+                    missing += parts[axis] * (1.0 - near * of_length(half[axis], sizes[axis]));
+                }
                 // Of the two faces that meet at the edge.
                 let before = [
                     of_axis(outside[1], outside[2], outside[0]),
@@ -221,14 +228,17 @@ impl pulp::NullaryFnOnce for FindNearest<'_> {
                     + either(is_negative[1], 2.0, 0.0);
                 found[0][node] = before[0];
                 found[1][node] = before[1];
-                found[2][node] = part * larger(smaller(inside / length, 1.0), 0.0);
+                // Of edges that all have theirs, all of it, however numbers are rounded.
+                found[2][node] = 1.0 - missing / all;
                 may_be_beside |= u64::from(is_beside) << node;
+                by_corner |= u64::from(all > 1.0) << node;
             }
             let [first, second, share] = found;
             nearest.edge[nodes.clone()].copy_from_slice(&edge);
             nearest.before[0][nodes.clone()].copy_from_slice(&first);
             nearest.before[1][nodes.clone()].copy_from_slice(&second);
             nearest.may_be_beside |= may_be_beside << nodes.start;
+            nearest.by_corner |= by_corner << nodes.start;
             nearest.share[nodes].copy_from_slice(&share);
         }
     }
@@ -255,12 +265,31 @@ pub(crate) fn smaller(a: f64, b: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::star::{Row, Stars};
-    use super::super::{Cells, RightAngled, share_of};
+    use super::super::share::part_at;
+    use super::super::star::{Row, Star, Stars};
+    use super::super::{Cells, RightAngle, RightAngled};
     use super::*;
     use crate::mesh::Lattice;
     use glam::{DAffine3, DQuat};
     use pulp::NullaryFnOnce;
+
+    /// The edge of a box that is nearest to a node, and the share of all that are as near.
+    fn seen_alone(star: &Star<'_>, angles: &RightAngles, half: DVec3) -> (RightAngle, f64) {
+        let local = angles.object_from_sensor * (star.place() - angles.sensor_from_object.translation);
+        let outside = local.abs() - half;
+        let axes = [0, 1, 2].map(|axis| angles.sensor_from_object.matrix3.col(axis));
+        let sizes = axes.map(|axis| star.size_along(axis));
+        let parts = DVec3::from_array(parts(outside.to_array(), sizes));
+        let shares = [0, 1, 2].map(|axis: usize| {
+            let mut place = half.copysign(local);
+            place[axis] = local[axis].clamp(-half[axis], half[axis]);
+            let place = angles.sensor_from_object.transform_point3(place);
+            part_at(star, place) * of_length(half[axis], sizes[axis])
+        });
+        let nearest = (0..3).min_by(|&a, &b| outside[a].total_cmp(&outside[b])).unwrap();
+        let share = parts.dot(DVec3::from_array(shares)) / parts.element_sum();
+        (angles.of_box(half, local, nearest, 0.0), share)
+    }
 
     /// Rows of more nodes than are one instruction, and of fewer, on cells of all sizes.
     #[test]
@@ -287,11 +316,7 @@ mod tests {
                 let found = FindNearest { angles: &angles, half, row: row.cells(), nearest: &mut nearest };
                 found.call();
                 for (number, star) in row.each().enumerate() {
-                    let expected = angles.nearest(star.place()).unwrap();
-                    // What is outside the lattice is left out behind.
-                    let within = star.within(expected.place, expected.along());
-                    nearest.take_part(number, within);
-                    let share = share_of(&star, &expected);
+                    let (expected, share) = seen_alone(&star, &angles, half);
                     assert!((nearest.share(number) - share).abs() < 1e-12, "{next} {number} {share}");
                     let is_beside = angles.has_edge_of_box_in(half, &star.bounds());
                     let may_be_beside = nearest.may_be_beside() >> number & 1 != 0;

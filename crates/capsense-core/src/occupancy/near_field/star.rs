@@ -29,6 +29,8 @@ pub(super) struct Plane {
     next: [f64; 2],
     /// The cells below and above and those behind them, the nearer first. Where the lattice ends, cells are as the last one.
     pub(super) cells: [[f64; PLANES]; 2],
+    /// By how much cells grow from one to the next, upwards, as far as two on either side tell.
+    growth: f64,
     /// One over the ways; zero where the lattice ends.
     inverse: [f64; 2],
     /// How far what is less than [`FAR`] cells away may be.
@@ -71,11 +73,14 @@ impl Plane {
             index.checked_sub(2).map(|second| next[0] - planes[second]),
             planes.get(index + 2).map(|second| second - next[1]),
         ];
+        let cells = [0, 1].map(|side| [first[side], behind[side].unwrap_or(first[side])]);
+        let [pair_below, pair_above] = cells.map(|[first, second]| first + second);
         Self {
             at,
             ways,
             next,
-            cells: [0, 1].map(|side| [first[side], behind[side].unwrap_or(first[side])]),
+            cells,
+            growth: 0.25 * (pair_above - pair_below),
             inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),
@@ -249,6 +254,13 @@ impl Star<'_> {
     #[inline]
     pub(in super::super) fn ways(&self, axis: usize) -> [f64; 2] {
         self.planes[axis].ways
+    }
+
+    /// By how much cells grow from one to the next upwards along an axis: of the two on either side, so that cells that are all cut into the
+    /// same number of parts grow as evenly as they did.
+    #[inline]
+    pub(super) fn growth(&self, axis: usize) -> f64 {
+        self.planes[axis].growth
     }
 
     /// The plane of the neighbour above along an axis.

@@ -140,8 +140,8 @@ fn between_wedges(around: Surroundings, cut: Coupling, covered: Coupling) -> Cou
         if (wedge.share > 0.0) {
             // The link was found for what surfaces on the edge make of it.
             if (is_free && covered.through != cut.through) {
-                let own = spot_of(select(place, next, end == 1u));
-                let slope = slope_from(wedge, own, spot_of(select(next, place, end == 1u)));
+                let star = star_at(around.ends[end], select(place, next, end == 1u));
+                let slope = slope_from(wedge, star, spot_of(select(next, place, end == 1u)));
                 coupling.factor[end] += wedge.share * (covered.through - cut.through) * slope;
             }
             if (end == 0u && around.edge.axis == CARRIER) { coupling.factor[end] += wedge.link; }

@@ -115,12 +115,97 @@ fn within(star: Star, place: vec3<f32>, along: vec3<f32>) -> f32 {
 // A right angle at which faces of an object meet, in the object's frame.
 struct RightAngle {
     place: vec3<f32>, first: vec3<f32>, second: vec3<f32>,
-    inside: f32, radius: f32, thickness: vec2<f32>, breadth: f32,
+    radius: f32, thickness: vec2<f32>, breadth: f32,
     // Not there in the middle of a rim.
     exists: bool,
 }
 
 fn side_of(coordinate: f32) -> f32 { return select(-1.0, 1.0, coordinate >= 0.0); }
+
+fn sides_of(point: vec3<f32>) -> vec3<f32> { return vec3<f32>(side_of(point.x), side_of(point.y), side_of(point.z)); }
+
+// The axis along which the edge of a box is that is nearest to a point so far outside of its faces.
+fn farthest_inside(outside: vec3<f32>) -> u32 {
+    if (outside.x <= outside.y && outside.x <= outside.z) { return 0u; }
+    return select(1u, 2u, outside.z < outside.y);
+}
+
+// Edges of a box have a part in the field that are less than this much, in cells, from being the nearest one; and how much further in faces
+// are seen, in parts of what cells grow by from one to the next, along x and y.
+const MIXED: f32 = 0.2;
+const UNEVEN: f32 = 0.15;
+
+// The field near the edges of a box, as a node of the lattice sees it: `near_field/box_field.rs` of the core.
+struct BoxField {
+    // On which side the node is, half the box's edge lengths, and the parts of the edges along each axis.
+    side: vec3<f32>, half: vec3<f32>, parts: vec3<f32>,
+    // How much further in faces seem a cell from them, and how large cells are, along each axis of the box.
+    inwards: vec3<f32>, sizes: vec3<f32>,
+}
+
+fn box_field(star: Star, solid: Solid, point: vec3<f32>) -> BoxField {
+    var field: BoxField;
+    field.side = sides_of(point);
+    let outside = abs(point) - solid.size;
+    // By how much cells grow from one to the next upwards, as far as two on either side tell.
+    let growth = 0.25 * (star.first_above + star.second_above - star.first_below - star.second_below) * vec3<f32>(1.0, 1.0, 0.0);
+    for (var axis = 0u; axis < 3u; axis++) {
+        let normal = solid.turn[axis] * field.side[axis];
+        field.sizes[axis] = size_along(star, solid.turn[axis]);
+        field.inwards[axis] = UNEVEN * dot(normal * abs(normal), growth);
+    }
+    let least = min(outside.x, min(outside.y, outside.z));
+    let parts = max(1.0 - (outside - least) / (MIXED * field.sizes), vec3<f32>(0.0));
+    field.parts = parts / (parts.x + parts.y + parts.z);
+    field.half = solid.size;
+    return field;
+}
+
+fn box_potential(field: BoxField, point: vec3<f32>) -> f32 {
+    let away = point * field.side - field.half;
+    let cells = min(abs(away) / field.sizes, vec3<f32>(1.0));
+    let outside = away + field.inwards * cells * cells * (3.0 - 2.0 * cells);
+    var potential = 0.0;
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (field.parts[axis] > 0.0) {
+            potential += field.parts[axis] * potential_before(outside[(axis + 1u) % 3u], outside[(axis + 2u) % 3u]);
+        }
+    }
+    return potential;
+}
+
+// Whether no straight way between two points passes the box: a face is behind both of them.
+fn see_around_box(field: BoxField, solid: Solid, a: vec3<f32>, b: vec3<f32>) -> bool {
+    return any((a * field.side - solid.size >= vec3<f32>(0.0)) & (b * field.side - solid.size >= vec3<f32>(0.0)));
+}
+
+// How much an edge counts that is twice as long as this: all of it from two cells on, however numbers are rounded.
+fn of_length(half: f32, size: f32) -> f32 { return min((1.0 + 1e-6) * half / size, 1.0); }
+
+// How much of a node's links the edges of a box have if there is nothing else.
+fn share_of_box(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
+    let field = box_field(star, solid, point);
+    let outside = abs(point) - solid.size;
+    let to_faces = solid.size * field.side - point;
+    // Of edges that all have theirs, all of it, however numbers are rounded.
+    var missing = 0.0;
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (field.parts[axis] == 0.0) { continue; }
+        var way = to_faces;
+        if (outside[axis] <= 0.0) { way[axis] = 0.0; }
+        missing += field.parts[axis] * (1.0 - part_at(star, solid.turn * way) * of_length(solid.size[axis], field.sizes[axis]));
+    }
+    let share = max(1.0 - missing, 0.0);
+    // Of those that have a part in the field, what is least inside the lattice.
+    var inside = 1.0;
+    for (var axis = 0u; axis < 3u; axis++) {
+        if (share == 0.0 || field.parts[axis] == 0.0) { continue; }
+        var way = to_faces;
+        if (outside[axis] <= 0.0) { way[axis] = 0.0; }
+        inside = min(inside, within(star, solid.turn * way, solid.turn[axis]));
+    }
+    return share * inside;
+}
 
 // That which is nearest to a point of the object's frame.
 fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
@@ -135,38 +220,21 @@ fn nearest_angle(solid: Solid, point: vec3<f32>) -> RightAngle {
         angle.place = vec3<f32>(size.x * outwards, size.z * end);
         angle.first = vec3<f32>(outwards, 0.0);
         angle.second = vec3<f32>(0.0, 0.0, end);
-        angle.inside = STRAIGHT;
         angle.radius = size.x;
         angle.thickness = 2.0 * vec2<f32>(size.x, size.z);
         angle.breadth = 2.0 * size.x;
         return angle;
     }
     let outside = abs(point) - size;
-    let squared = outside * outside;
-    let beyond = max(outside, vec3<f32>(0.0));
-    // For edges along each axis.
-    let distances = vec3<f32>(squared.y + squared.z, squared.x + squared.z, squared.x + squared.y) + beyond * beyond;
-    var axis = 2u;
-    if (distances.x <= distances.y && distances.x <= distances.z) {
-        axis = 0u;
-    } else if (distances.y <= distances.z) {
-        axis = 1u;
-    }
+    let axis = farthest_inside(outside);
     let b = (axis + 1u) % 3u;
     let c = (axis + 2u) % 3u;
-    let side = vec3<f32>(side_of(point.x), side_of(point.y), side_of(point.z));
+    let side = sides_of(point);
     angle.exists = true;
     angle.place = size * side;
     angle.place[axis] = point[axis];
     angle.first[b] = side[b];
     angle.second[c] = side[c];
-    // Where another edge is as near, neither is the nearest.
-    let low = min(distances.x, distances.y);
-    let high = max(distances.x, distances.y);
-    let nearest = min(low, distances.z);
-    let second = max(low, min(high, distances.z));
-    angle.inside = -outside[axis];
-    if (angle.inside > 0.0) { angle.inside = min(angle.inside, (second - nearest) / angle.inside); }
     angle.radius = STRAIGHT;
     angle.thickness = 2.0 * vec2<f32>(size[b], size[c]);
     angle.breadth = 2.0 * (size.x + size.y + size.z - min(size.x, min(size.y, size.z)) - max(size.x, max(size.y, size.z)));
@@ -271,21 +339,19 @@ fn of_words(words: vec4<u32>) -> Wedge {
     return Wedge(words.x & 0xffffu, (words.x & 0x10000u) != 0u, numbers.x, numbers.y, numbers.z, of_edge);
 }
 
-fn share_of(star: Star, solid: Solid, angle: RightAngle, point: vec3<f32>) -> f32 {
+// How much of a node's links the rim of a cylinder has if there is nothing else.
+fn share_of_rim(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
+    let angle = nearest_angle(solid, point);
+    if (!angle.exists) { return 0.0; }
     let place = solid.turn * (angle.place - point);
+    if (any(abs(place) > star.reach)) { return 0.0; }
     let part = part_at(star, place);
     if (part <= 0.0) { return 0.0; }
     let along = abs(solid.turn * cross(angle.first, angle.second));
-    let size = size_along(star, along);
-    var from_ends = 1.0;
-    if (angle.inside < size) { from_ends = max(angle.inside / size, 0.0); }
-    var is_straight = 1.0;
-    if (angle.radius != STRAIGHT) {
-        // What is known of a rim holds within its radius.
-        let across = max(size_along(star, solid.turn * angle.first), size_along(star, solid.turn * angle.second));
-        is_straight = clamp(angle.radius / max(size, across) - 1.0, 0.0, 1.0);
-    }
-    return part * from_ends * is_straight * within(star, place, along);
+    // What is known of a rim holds within its radius.
+    let across = max(size_along(star, solid.turn * angle.first), size_along(star, solid.turn * angle.second));
+    let is_straight = clamp(angle.radius / max(size_along(star, along), across) - 1.0, 0.0, 1.0);
+    return part * is_straight * within(star, place, along);
 }
 
 // The size of a cell in a direction.
@@ -314,12 +380,8 @@ fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
 // How much of a node's links the edges of an object have if there is nothing else, and of what these leave what is round of it.
 fn own_shares(star: Star, solid: Solid, point: vec3<f32>) -> vec2<f32> {
     var shares = vec2<f32>(0.0);
-    if (solid.kind != CAPSULE) {
-        let angle = nearest_angle(solid, point);
-        if (angle.exists && all(abs(solid.turn * (angle.place - point)) <= star.reach)) {
-            shares.x = share_of(star, solid, angle, point);
-        }
-    }
+    if (solid.kind == BOX) { shares.x = share_of_box(star, solid, point); }
+    if (solid.kind == CYLINDER) { shares.x = share_of_rim(star, solid, point); }
     if (solid.kind == CAPSULE || solid.kind == CYLINDER) {
         shares.y = (1.0 - shares.x) * round_share(star, solid, point);
     }
@@ -386,7 +448,16 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
     let longest = farthest(longest_ways);
     let own_place = coordinates(angle, point);
     var own = 0.0;
-    if (is_round) { own = round_potential(solid, second, point); } else { own = potential_around(own_place, angle.radius); }
+    let is_box = !is_round && solid.kind == BOX;
+    var around: BoxField;
+    if (is_round) {
+        own = round_potential(solid, second, point);
+    } else if (is_box) {
+        around = box_field(star, solid, point);
+        own = box_potential(around, point);
+    } else {
+        own = potential_around(own_place, angle.radius);
+    }
     let areas = areas_of(star);
     var turn = transpose(solid.turn);
     var sum = 0.0;
@@ -402,22 +473,27 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
             var place = star.place;
             place[axis] = select(place[axis] - 1u, place[axis] + 1u, side == 1u);
             let other = in_frame(solid, spot_of(place));
-            let is_held = conductor_at(node) == object;
+            if (conductor_at(node) == object) { continue; }
             var potential = 0.0;
+            var is_seen = false;
             if (is_round) {
-                if (is_held || is_hit(solid_span(solid, point, other))) { continue; }
                 potential = round_potential(solid, second, other);
             } else {
                 let moved = point + select(-way, way, side == 1u) * turn[axis];
-                let other_place = coordinates(angle, moved);
-                potential = potential_around(other_place, angle.radius);
-                highest = max(highest, potential);
-                if (is_held || (!see_each_other(own_place, other_place) && is_hit(solid_span(solid, point, other)))) { continue; }
+                if (is_box) {
+                    potential = box_potential(around, moved);
+                    is_seen = see_around_box(around, solid, point, moved);
+                } else {
+                    let other_place = coordinates(angle, moved);
+                    potential = potential_around(other_place, angle.radius);
+                    is_seen = see_each_other(own_place, other_place);
+                }
             }
+            highest = max(highest, potential);
+            if (!is_seen && is_hit(solid_span(solid, point, other))) { continue; }
             let weight = areas[axis] / way;
             sum += weight * potential;
             of_weights += weight;
-            highest = max(highest, potential);
         }
     }
     var field: FieldLink;
@@ -444,12 +520,18 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32, of_edge: f32) -
 }
 
 // (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node, whose potential is known, and its neighbour.
-fn slope_from(wedge: Wedge, at: Spot, to: Spot) -> f32 {
+fn slope_from(wedge: Wedge, star: Star, to: Spot) -> f32 {
     let solid = solid_of(wedge.object);
     // Before what is round there are no walls.
     if (wedge.of_edge == 0.0) { return 0.0; }
-    let angle = nearest_angle(solid, in_frame(solid, at));
-    if (!angle.exists) { return 0.0; }
-    let other = potential_around(coordinates(angle, in_frame(solid, to)), angle.radius);
+    let point = in_frame(solid, spot_of(star.place));
+    var other = 0.0;
+    if (solid.kind == BOX) {
+        other = box_potential(box_field(star, solid, point), in_frame(solid, to));
+    } else {
+        let angle = nearest_angle(solid, point);
+        if (!angle.exists) { return 0.0; }
+        other = potential_around(coordinates(angle, in_frame(solid, to)), angle.radius);
+    }
     return wedge.of_edge * (other / wedge.potential - 1.0);
 }
