@@ -81,18 +81,20 @@ fn errors(axis: &[f64], (place, turn, exact): &([f64; 2], f64, [f64; 6])) -> [f6
     [mean, variance.sqrt()]
 }
 
-/// Before corners and growth were known, means were up to 2.0 % in growing cells, and deviations up to 1.7 %.
+/// Means and deviations before corners and growth were known: up to 1.6 and 1.7 %. The largest of each plate now, with 0.3 % to spare.
 #[test]
 fn plates_are_as_large_as_they_are() {
-    for (cells, axis, largest) in [("growing by 1.4", growing(1.4), 1.3), ("of 30 mm", even(0.03), 0.9)] {
-        for plate in &PLATES {
+    let cases = [
+        ("growing by 1.4", growing(1.4), [0.7, 0.8, 1.3, 0.75, 1.05, 1.2]),
+        ("of 30 mm", even(0.03), [0.6, 0.7, 0.95, 0.5, 0.55, 0.6]),
+    ];
+    for (cells, axis, largest) in cases {
+        for (plate, largest) in PLATES.iter().zip(largest) {
             let [mean, deviation] = errors(&axis, plate);
             let ([thickness, _], turn, _) = plate;
             println!("cells {cells}, {thickness} m thick, turned by {turn}: {mean:.2} ± {deviation:.2} %");
-            assert!(
-                mean.abs() < largest && deviation < 1.3,
-                "{cells} {thickness} {turn}: {mean} {deviation}"
-            );
+            let is_exact = mean.abs() < largest && deviation < 1.3;
+            assert!(is_exact, "{cells} {thickness} {turn}: {mean} {deviation}");
         }
     }
 }

@@ -120,7 +120,7 @@ fn axis_of(squared: DVec3) -> usize {
 /// on bisectors of edges for others: `before_end` is how far it is from the edge's end, `squared` are the squares of the distances
 /// from the nearest edges along each axis.
 #[inline(always)]
-pub(super) fn inside_of(before_end: f64, squared: [f64; 3]) -> f64 {
+fn inside_of(before_end: f64, squared: [f64; 3]) -> f64 {
     let [x, y, z] = squared;
     let [low, high] = [smaller(x, y), larger(x, y)];
     let nearest = smaller(low, z);
@@ -132,7 +132,7 @@ pub(super) fn inside_of(before_end: f64, squared: [f64; 3]) -> f64 {
 /// How far a point of a box's frame is before its faces, along each axis, and the squares of its distances from the nearest
 /// edges along each.
 #[inline(always)]
-pub(super) fn distances_of_box(half: DVec3, local: DVec3) -> [DVec3; 2] {
+fn distances_of_box(half: DVec3, local: DVec3) -> [DVec3; 2] {
     let outside = local.abs() - half;
     let squared = outside * outside;
     let beyond = outside.max(DVec3::ZERO);

@@ -53,7 +53,7 @@ impl Scene<'_> {
     /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q, by as much as
     /// the edge has of the node's share: before what is round there are no walls.
     fn slope_from(&self, stars: &Stars, wedge: &AtWedge, nodes: [u32; 2]) -> f64 {
-        if wedge.share == 0.0 || wedge.of_edge == 0.0 {
+        if wedge.of_edge == 0.0 {
             return 0.0;
         }
         let [from, to] = nodes.map(|node| self.mesh.nodes[node as usize]);

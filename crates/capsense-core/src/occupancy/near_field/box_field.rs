@@ -18,7 +18,7 @@ pub(super) const MIXED: f64 = 0.2;
 
 /// How much further in edges are seen from a cell away, in parts of what cells grow by from one to the next, along x and y. Of square plates in
 /// cells that grow by factors of 1.2 to 1.6, capacitances to all else are then off by little more than in even cells
-/// (`tests/suite/corners.rs`). Along z, where cells grow upwards through all of a box, nothing is gained by it.
+/// (`tests/suite/corners.rs` has those of 1.4). Along z, where cells grow upwards through all of a box, nothing is gained by it.
 const UNEVEN: f64 = 0.15;
 
 /// The field near a box, seen from a node.
@@ -97,14 +97,53 @@ pub(super) fn of_length(half: f64, size: f64) -> f64 {
     super::smaller((1.0 + 1e-6) * half / size, 1.0)
 }
 
-/// How much of what edges of a box have of a node's links is inside the lattice: of those that have a part in the field, the least.
+/// How much of what edges of a box have of a node's links is inside the lattice: the least of all edges, which count as their parts are to that
+/// of the nearest one.
 pub(super) fn within(star: &Star<'_>, angles: &RightAngles, half: DVec3) -> f64 {
     let field = BoxField::seen_from(star, angles, half);
     let local = BoxField::local(angles, star.place());
+    let nearest = field.parts.max_element();
     (0..3).filter(|&axis| field.parts[axis] > 0.0).fold(1.0, |least, axis| {
         let mut place = half.copysign(local);
         place[axis] = local[axis].clamp(-half[axis], half[axis]);
         let along = angles.sensor_from_object.matrix3.col(axis);
-        least.min(star.within(angles.sensor_from_object.transform_point3(place), along))
+        let inside = star.within(angles.sensor_from_object.transform_point3(place), along);
+        least.min(1.0 - field.parts[axis] / nearest * (1.0 - inside))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RightAngled;
+    use super::super::star::{Row, Stars};
+    use super::*;
+    use crate::mesh::Lattice;
+    use glam::{DAffine3, DQuat};
+
+    /// A box that sticks out through a wall by a twentieth of a cell and slides along it, seen from a node a cell inside: of both its
+    /// edges that are about as near, one is outside. As that one takes over, nothing jumps.
+    #[test]
+    fn edges_outside_count_less_and_less() {
+        let planes = || (0..=12).map(f64::from).collect::<Vec<_>>();
+        let lattice = Lattice::new([planes(), planes(), planes()]).unwrap();
+        let stars = Stars::of(&lattice, true);
+        let node = lattice.strides()[1] * 6 + lattice.strides()[2] * 6 + 11;
+        let star = stars.at(node, &mut Row::default());
+        let half = DVec3::splat(2.0);
+        let inside: Vec<f64> = (0..=400)
+            .map(|step| {
+                let centre = DVec3::new(10.05, 6.5 + 0.004 * f64::from(step), 3.9);
+                let sensor_from_object = DAffine3::from_rotation_translation(DQuat::IDENTITY, centre);
+                let object_from_sensor = sensor_from_object.matrix3.transpose();
+                within(
+                    &star,
+                    &RightAngles { solid: RightAngled::Box(half), sensor_from_object, object_from_sensor },
+                    half,
+                )
+            })
+            .collect();
+        let steps = inside.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+        assert!(inside[0] < 0.01 && inside[400] > 0.99, "{} {}", inside[0], inside[400]);
+        assert!(steps.fold(0.0, f64::max) < 0.05);
+    }
 }

@@ -64,7 +64,7 @@ impl Look<'_> {
     }
 
     /// What a node makes of a conductor whose potential is known around it. Of points that are seen nobody asks whether the conductor is
-    /// before them.
+    /// between.
     fn linked_by(
         &self,
         star: &Star<'_>,

@@ -14,7 +14,8 @@
 //!
 //! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]).
 //!
-//! So many cells from an edge that nothing is known of it ([`Cells::far`]), at its ends, and a cell from any other object, the edge rule takes over, in shares.
+//! So many cells from an edge that nothing is known of it ([`Cells::far`]) and a cell from any other object, the edge rule takes over, in shares. At ends of
+//! edges it does on meshes that are no lattices; on these the field is that of all edges that are about as near ([`box_field`]).
 
 mod angles;
 mod at_pose;

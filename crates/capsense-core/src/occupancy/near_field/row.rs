@@ -1,6 +1,7 @@
-//! Rows of nodes by a box: which of its edges is nearest to each node, and the share that this edge has in the node's links.
+//! Rows of nodes by a box: which of its edges is nearest to each node, whether others are about as near, and the share that they have in the
+//! node's links.
 //!
-//! The same as is found for one node at a time. Along a row of the lattice only x differs, and what
+//! Along a row of the lattice only x differs, and what
 //! depends on y and z is computed once.
 
 use super::angles::RightAngles;
@@ -47,7 +48,7 @@ impl NearestEdges {
         (self.may_be_beside, self.by_corner) = (0, 0);
     }
 
-    /// The share of the edge that is nearest to a node.
+    /// The share of the edges that are nearest to a node.
     #[inline]
     pub(super) fn share(&self, node: usize) -> f64 {
         self.share[node]
@@ -273,13 +274,14 @@ mod tests {
     use glam::{DAffine3, DQuat};
     use pulp::NullaryFnOnce;
 
-    /// The edge of a box that is nearest to a node, and the share of all that are as near.
-    fn seen_alone(star: &Star<'_>, angles: &RightAngles, half: DVec3) -> (RightAngle, f64) {
+    /// The edge of a box that is nearest to a node, the share of all that are as near, and whether others are.
+    fn seen_alone(star: &Star<'_>, angles: &RightAngles, half: DVec3) -> (RightAngle, f64, bool) {
         let local = angles.object_from_sensor * (star.place() - angles.sensor_from_object.translation);
         let outside = local.abs() - half;
         let axes = [0, 1, 2].map(|axis| angles.sensor_from_object.matrix3.col(axis));
         let sizes = axes.map(|axis| star.size_along(axis));
-        let parts = DVec3::from_array(parts(outside.to_array(), sizes));
+        let behind = outside - outside.min_element();
+        let parts = (1.0 - behind / (0.2 * DVec3::from_array(sizes))).max(DVec3::ZERO);
         let shares = [0, 1, 2].map(|axis: usize| {
             let mut place = half.copysign(local);
             place[axis] = local[axis].clamp(-half[axis], half[axis]);
@@ -288,7 +290,7 @@ mod tests {
         });
         let nearest = (0..3).min_by(|&a, &b| outside[a].total_cmp(&outside[b])).unwrap();
         let share = parts.dot(DVec3::from_array(shares)) / parts.element_sum();
-        (angles.of_box(half, local, nearest, 0.0), share)
+        (angles.of_box(half, local, nearest, 0.0), share, parts.cmpgt(DVec3::ZERO).bitmask().count_ones() > 1)
     }
 
     /// Rows of more nodes than are one instruction, and of fewer, on cells of all sizes.
@@ -307,7 +309,7 @@ mod tests {
             let object_from_sensor = sensor_from_object.matrix3.transpose();
             let angles =
                 RightAngles { solid: RightAngled::Box(half), sensor_from_object, object_from_sensor };
-            let (mut near, mut beside, mut told) = (0, 0, 0);
+            let (mut near, mut by_corner, mut beside, mut told) = (0, 0, 0, 0);
             let mut next = 0;
             while next < 11 * 6 * 7 {
                 let mut nearest = NearestEdges::NONE;
@@ -316,7 +318,8 @@ mod tests {
                 let found = FindNearest { angles: &angles, half, row: row.cells(), nearest: &mut nearest };
                 found.call();
                 for (number, star) in row.each().enumerate() {
-                    let (expected, share) = seen_alone(&star, &angles, half);
+                    let (expected, share, is_by_corner) = seen_alone(&star, &angles, half);
+                    assert_eq!(nearest.is_by_corner(number), is_by_corner, "{next} {number}");
                     assert!((nearest.share(number) - share).abs() < 1e-12, "{next} {number} {share}");
                     let is_beside = angles.has_edge_of_box_in(half, &star.bounds());
                     let may_be_beside = nearest.may_be_beside() >> number & 1 != 0;
@@ -325,6 +328,7 @@ mod tests {
                     told += usize::from(may_be_beside);
                     if share > 0.0 {
                         near += 1;
+                        by_corner += usize::from(is_by_corner);
                         let (edge, before) = nearest.edge(number);
                         assert_eq!(edge.normals, expected.normals);
                         assert_eq!((edge.thickness, edge.breadth), (expected.thickness, expected.breadth));
@@ -334,7 +338,7 @@ mod tests {
                 }
                 next = row.nodes.end;
             }
-            assert!(near > 100, "{near}");
+            assert!(near > 100 && (10..near - 10).contains(&by_corner), "{near} {by_corner}");
             assert!(beside > 50 && told < 2 * beside, "{told} of {beside}");
         }
     }

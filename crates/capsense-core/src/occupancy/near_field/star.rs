@@ -29,7 +29,7 @@ pub(super) struct Plane {
     next: [f64; 2],
     /// The cells below and above and those behind them, the nearer first. Where the lattice ends, cells are as the last one.
     pub(super) cells: [[f64; PLANES]; 2],
-    /// By how much cells grow from one to the next, upwards, as far as two on either side tell.
+    /// By how much cells grow from one to the next, upwards, as far as two on either side tell; no more than by the smaller one beside the plane.
     growth: f64,
     /// One over the ways; zero where the lattice ends.
     inverse: [f64; 2],
@@ -80,7 +80,7 @@ impl Plane {
             ways,
             next,
             cells,
-            growth: 0.25 * (pair_above - pair_below),
+            growth: (0.25 * (pair_above - pair_below)).clamp(-narrowest, narrowest),
             inverse: ways.map(|way| if way > 0.0 { 1.0 / way } else { 0.0 }),
             reach: two_below.max(two_above),
             width: 0.5 * (below + above),

@@ -148,7 +148,9 @@ fn box_field(star: Star, solid: Solid, point: vec3<f32>) -> BoxField {
     field.side = sides_of(point);
     let outside = abs(point) - solid.size;
     // By how much cells grow from one to the next upwards, as far as two on either side tell.
-    let growth = 0.25 * (star.first_above + star.second_above - star.first_below - star.second_below) * vec3<f32>(1.0, 1.0, 0.0);
+    let two = 0.25 * (star.first_above + star.second_above - star.first_below - star.second_below);
+    let narrowest = narrowest_beside(star);
+    let growth = clamp(two, -narrowest, narrowest) * vec3<f32>(1.0, 1.0, 0.0);
     for (var axis = 0u; axis < 3u; axis++) {
         let normal = solid.turn[axis] * field.side[axis];
         field.sizes[axis] = size_along(star, solid.turn[axis]);
@@ -175,8 +177,8 @@ fn box_potential(field: BoxField, point: vec3<f32>) -> f32 {
 }
 
 // Whether no straight way between two points passes the box: a face is behind both of them.
-fn see_around_box(field: BoxField, solid: Solid, a: vec3<f32>, b: vec3<f32>) -> bool {
-    return any((a * field.side - solid.size >= vec3<f32>(0.0)) & (b * field.side - solid.size >= vec3<f32>(0.0)));
+fn see_around_box(field: BoxField, a: vec3<f32>, b: vec3<f32>) -> bool {
+    return any((a * field.side - field.half >= vec3<f32>(0.0)) & (b * field.side - field.half >= vec3<f32>(0.0)));
 }
 
 // How much an edge counts that is twice as long as this: all of it from two cells on, however numbers are rounded.
@@ -187,24 +189,29 @@ fn share_of_box(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     let field = box_field(star, solid, point);
     let outside = abs(point) - solid.size;
     let to_faces = solid.size * field.side - point;
-    // Of edges that all have theirs, all of it, however numbers are rounded.
+    // Of edges that all have theirs, all of it, and of those that have nothing, nothing, however numbers are rounded.
     var missing = 0.0;
+    var is_near = false;
     for (var axis = 0u; axis < 3u; axis++) {
         if (field.parts[axis] == 0.0) { continue; }
         var way = to_faces;
         if (outside[axis] <= 0.0) { way[axis] = 0.0; }
-        missing += field.parts[axis] * (1.0 - part_at(star, solid.turn * way) * of_length(solid.size[axis], field.sizes[axis]));
+        let own = part_at(star, solid.turn * way) * of_length(solid.size[axis], field.sizes[axis]);
+        is_near = is_near || own > 0.0;
+        missing += field.parts[axis] * (1.0 - own);
     }
-    let share = max(1.0 - missing, 0.0);
-    // Of those that have a part in the field, what is least inside the lattice.
+    if (!is_near) { return 0.0; }
+    // Of what is inside the lattice, the least; that of an edge counts as its part is to the nearest one's.
+    let nearest = max(field.parts.x, max(field.parts.y, field.parts.z));
     var inside = 1.0;
     for (var axis = 0u; axis < 3u; axis++) {
-        if (share == 0.0 || field.parts[axis] == 0.0) { continue; }
+        if (field.parts[axis] == 0.0) { continue; }
         var way = to_faces;
         if (outside[axis] <= 0.0) { way[axis] = 0.0; }
-        inside = min(inside, within(star, solid.turn * way, solid.turn[axis]));
+        let own = within(star, solid.turn * way, solid.turn[axis]);
+        inside = min(inside, 1.0 - field.parts[axis] / nearest * (1.0 - own));
     }
-    return share * inside;
+    return max(1.0 - missing, 0.0) * inside;
 }
 
 // That which is nearest to a point of the object's frame.
@@ -356,9 +363,13 @@ fn share_of_rim(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
 
 // The size of a cell in a direction.
 fn size_along(star: Star, direction: vec3<f32>) -> f32 {
-    let longest = max(star.below, star.above);
+    return dot(abs(direction), narrowest_beside(star));
+}
+
+// The way to the nearer neighbour along each axis.
+fn narrowest_beside(star: Star) -> vec3<f32> {
     let shortest = min(star.below, star.above);
-    return dot(abs(direction), select(longest, shortest, shortest > vec3<f32>(0.0)));
+    return select(max(star.below, star.above), shortest, shortest > vec3<f32>(0.0));
 }
 
 // How much of a node's links what is round has if there is nothing else: a capsule, or the side of a cylinder but for a cell at either
@@ -482,7 +493,7 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
                 let moved = point + select(-way, way, side == 1u) * turn[axis];
                 if (is_box) {
                     potential = box_potential(around, moved);
-                    is_seen = see_around_box(around, solid, point, moved);
+                    is_seen = see_around_box(around, point, moved);
                 } else {
                     let other_place = coordinates(angle, moved);
                     potential = potential_around(other_place, angle.radius);
