@@ -4,9 +4,9 @@
 //! reaches. In a plane, the potential of the exact field is given on the walls of a box, and the energy of what the lattice
 //! makes of it compared with that of the exact field. The difference is what the edge seems to be too large or too small.
 
-use crate::common::conductor;
 use crate::common::shapes::box_mesh;
 use crate::common::walled::{Body, Held, Rule, WalledBox};
+use crate::common::{conductor, mean_and_deviation};
 use capsense_core::geometry::{Pose, Shape};
 use capsense_core::glam::{DVec2, DVec3};
 use capsense_core::material::Connection;
@@ -116,9 +116,7 @@ fn excess(cell: DVec2, model: Model) -> [f64; 2] {
             (wedge.energy_on_lattice(model) - wedge.energy()) / (cell.x * cell.y).powf(2.0 / 3.0)
         })
         .collect();
-    let mean = excesses.iter().sum::<f64>() / excesses.len() as f64;
-    let variance = excesses.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / excesses.len() as f64;
-    [mean, variance.sqrt()]
+    mean_and_deviation(&excesses)
 }
 
 #[test]

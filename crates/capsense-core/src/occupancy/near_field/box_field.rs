@@ -14,7 +14,7 @@ use super::{Cells, RightAngles, smooth};
 use glam::DVec3;
 
 /// Edges have a part in the field that are less than this much, in cells, from being the nearest one.
-pub(super) const MIXED: f64 = 0.2;
+const MIXED: f64 = 0.2;
 
 /// How much further in edges are seen from a cell away, in parts of what cells grow by from one to the next, along x and y. Of square plates in
 /// cells that grow by factors of 1.2 to 1.6, capacitances to all else are then off by little more than in even cells
@@ -45,9 +45,9 @@ impl<'a> BoxField<'a> {
         let turn = &angles.sensor_from_object.matrix3;
         let axes = [0, 1, 2].map(|axis| turn.col(axis));
         let sizes = axes.map(|axis| star.size_along(axis));
-        let parts = DVec3::from_array(parts(outside.to_array(), sizes));
         let inwards = DVec3::from_array([0, 1, 2].map(|axis: usize| inwards(star, axes[axis] * side[axis])));
-        let parts = parts / parts.element_sum();
+        let all = DVec3::from_array(parts(outside.to_array(), sizes));
+        let parts = all / all.element_sum();
         Self { angles, half, outside, inwards, sizes: DVec3::from_array(sizes), side, parts }
     }
 

@@ -233,3 +233,11 @@ pub fn with_moved_nodes(sensor: &Sensor) -> Sensor {
     let nodes = (0..narrowest.len()).map(&mut moved).collect();
     on_other_mesh(&sensor, TetMesh::new(nodes, mesh.tets().to_vec()).unwrap())
 }
+
+/// Mean and standard deviation.
+pub(crate) fn mean_and_deviation(numbers: &[f64]) -> [f64; 2] {
+    let count = numbers.len() as f64;
+    let mean = numbers.iter().sum::<f64>() / count;
+    let variance = numbers.iter().map(|number| (number - mean).powi(2)).sum::<f64>() / count;
+    [mean, variance.sqrt()]
+}
