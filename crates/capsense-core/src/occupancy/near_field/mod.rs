@@ -23,6 +23,7 @@ mod between;
 mod box_field;
 mod cells;
 mod changed;
+mod cylinder;
 mod end_table;
 mod ends;
 mod field;
@@ -57,6 +58,7 @@ use crate::workers::Workers;
 use box_field::within;
 use cells::RowCells;
 pub(crate) use cells::either;
+use cylinder::Side;
 use glam::DVec3;
 use link::Unlinked;
 use look::Look;
@@ -68,6 +70,10 @@ pub(super) use star::{Row, Star, Stars};
 
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
+
+/// Of negative links at a conductor that is this part of the longest edge broad, or less, nothing is left; and all at one of that part.
+const LEFT_OUT: f64 = 0.25;
+const KEPT: f64 = 0.75;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
 const TASKS_OF_A_THREAD: usize = 4;
@@ -177,6 +183,12 @@ impl Near {
             _ => (of_side > 0.0).then_some((Self::Round(side), of_side)),
         }
     }
+}
+
+/// How much of negative links is left beside a conductor that is such a part of the longest edge broad.
+#[inline]
+fn of_negative(breadth: f64) -> f64 {
+    ((breadth - LEFT_OUT) / (KEPT - LEFT_OUT)).clamp(0.0, 1.0)
 }
 
 /// What all nodes make of edges of conductors.
@@ -391,7 +403,7 @@ impl Scene<'_> {
                 ..AtWedge::NONE
             },
             share,
-            of_negative: (near.breadth() * star.per_longest() - 1.0).clamp(0.0, 1.0),
+            of_negative: of_negative(near.breadth() * star.per_longest()),
             carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
             besides: 0.0,
         }
@@ -455,13 +467,12 @@ impl Scene<'_> {
             KnownField::None => None,
             KnownField::Edges(angles) => {
                 let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(cells.reach()).all();
-                let edge = angles.nearest(point).filter(is_near);
-                let edge = edge.map(|angle| (angle, share_of(cells, &angle)));
-                let Some(side) = angles.side() else {
-                    return edge.map(|(angle, share)| (Near::Edge(angle), share));
-                };
-                let of_side = share_of_round(cells, &side, point) * side.part_beside(point, cells);
-                Near::of_cylinder(edge, (side.endless().seen_from(point), of_side))
+                let nearest = angles.nearest(point);
+                let edge = nearest.filter(is_near).map(|angle| (angle, share_of(cells, &angle)));
+                match Side::of(angles, nearest.as_ref(), cells) {
+                    None => edge.map(|(angle, share)| (Near::Edge(angle), share)),
+                    Some(side) => Near::of_cylinder(edge, (side.seen_from(point), side.share(cells, point))),
+                }
             }
             KnownField::Round(round) => {
                 Some((Near::Round(round.seen_from(point)), share_of_round(cells, round, point)))

@@ -4,7 +4,7 @@
 //! (1 + k d)(1 + l d) times its own, and a field that is normal to them is ∫ dd / (1 + k d)(1 + l d): d/(1 + d/R) for a sphere,
 //! R ln(1 + d/R) for a cylinder. Every potential that is constant on a surface bends there as this one does.
 
-use super::Cells;
+use super::cylinder::Ended;
 use glam::DVec3;
 
 /// A round surface: all that is as far as the radius from a piece of a line.
@@ -18,40 +18,25 @@ pub struct Round {
     pub radius: f64,
 }
 
-/// So many times as long, ends are nowhere.
-const ENDLESS: f64 = 1e6;
-
 /// The same, seen from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) struct RoundNear {
     round: Round,
     /// The smaller principal curvature in parts of the larger one.
     second: f64,
+    /// Of what it stands for, if that has flat ends, and how much of the potential is by the distance from this.
+    ended: Option<(Ended, f64)>,
 }
 
 impl Round {
     /// The place on the piece of a line that is nearest to a point, and how far the point is beyond its ends.
-    fn on_axis(&self, point: DVec3) -> (DVec3, f64) {
+    pub(super) fn on_axis(&self, point: DVec3) -> (DVec3, f64) {
         let squared = self.half.length_squared();
         if squared == 0.0 {
             return (self.centre, f64::INFINITY);
         }
         let part = (point - self.centre).dot(self.half) / squared;
         (self.centre + part.clamp(-1.0, 1.0) * self.half, (part.abs() - 1.0) * squared.sqrt())
-    }
-
-    /// The same without ends, as the field before the side of a cylinder is.
-    pub(super) fn endless(self) -> Self {
-        Self { half: ENDLESS * self.half, ..self }
-    }
-
-    /// How much the side counts at a point: all of it a cell from either end.
-    pub(super) fn part_beside(&self, point: DVec3, cells: &impl Cells) -> f64 {
-        let (_, beyond) = self.on_axis(point);
-        if beyond >= 0.0 {
-            return 0.0;
-        }
-        (-beyond / cells.size_along(self.half.normalize_or_zero())).min(1.0)
     }
 
     fn distance(&self, point: DVec3) -> f64 {
@@ -68,18 +53,32 @@ impl Round {
     /// it is to be continuous.
     pub(in super::super) fn seen_from(self, point: DVec3) -> RoundNear {
         let (_, beyond) = self.on_axis(point);
-        RoundNear { round: self, second: (beyond / self.radius + 0.5).clamp(0.0, 1.0) }
+        RoundNear { round: self, second: (beyond / self.radius + 0.5).clamp(0.0, 1.0), ended: None }
     }
 }
 
 impl RoundNear {
+    /// The same in place of a cylinder, with a part of the potential by the distance from that.
+    pub(super) fn in_place_of(self, cylinder: Ended, part: f64) -> Self {
+        Self { ended: Some((cylinder, part)), ..self }
+    }
+
     pub(super) fn diameter(&self) -> f64 {
         2.0 * self.round.radius
     }
 
     /// The potential at a point; zero in the object.
     pub(in super::super) fn potential(&self, point: DVec3) -> f64 {
-        let along = self.round.distance(point).max(0.0) / self.round.radius;
+        let round = self.at_distance(self.round.distance(point));
+        match &self.ended {
+            None => round,
+            Some((ended, part)) => round + part * (self.at_distance(ended.distance(point)) - round),
+        }
+    }
+
+    /// The potential so far from the surface.
+    fn at_distance(&self, distance: f64) -> f64 {
+        let along = distance.max(0.0) / self.round.radius;
         let rest = 1.0 - self.second;
         // ln((1 + k d)/(1 + l d)) / (k - l), in radii; the logarithm's series where k is all but l.
         let of_log = (rest * along) / (1.0 + self.second * along);

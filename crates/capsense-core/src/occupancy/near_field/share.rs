@@ -84,16 +84,19 @@ pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let size = cells.size_along(angle.along());
     // Most are far from ends, and most edges straight: no divisions for these.
     let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
-    let of_rim = if angle.radius == f64::INFINITY { 1.0 } else { part_of_rim(cells, angle, size) };
+    let of_rim = if angle.radius == f64::INFINITY {
+        1.0
+    } else {
+        part_of_rim(cells, angle.radius, &angle.normals, size)
+    };
     part * from_ends * of_rim * cells.within(angle.place, angle.along())
 }
 
 /// How much a round edge counts where a cell along it has such a size: what is known of it holds within its radius, so nothing of it
 /// where a cell is as large in any direction, and all of it where that is twice as large.
-fn part_of_rim(cells: &impl Cells, angle: &RightAngle, size: f64) -> f64 {
-    let sizes = angle.normals.map(|normal| cells.size_along(normal));
-    let largest = sizes.into_iter().fold(size, f64::max);
-    (angle.radius / largest - 1.0).clamp(0.0, 1.0)
+pub(super) fn part_of_rim(cells: &impl Cells, radius: f64, normals: &[DVec3; 2], size: f64) -> f64 {
+    let largest = normals.iter().map(|normal| cells.size_along(*normal)).fold(size, f64::max);
+    (radius / largest - 1.0).clamp(0.0, 1.0)
 }
 
 /// How much of a node's links is what a round surface makes of them, if there is nothing else.

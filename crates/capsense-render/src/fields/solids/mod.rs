@@ -89,6 +89,7 @@ pub(super) fn source() -> String {
         include_str!("bars.wgsl"),
         include_str!("../right_angle.wgsl"),
         include_str!("near_field.wgsl"),
+        include_str!("round.wgsl"),
         include_str!("silhouette.wgsl"),
         include_str!("edges_of_solids.wgsl"),
     ];

@@ -16,6 +16,10 @@ const STRAIGHT: f32 = 3e38;
 // By how much thicker than edges of the mesh a conductor must be, so that what is behind it does not matter.
 const SPARE: f32 = 1.1;
 
+// Of negative links at a conductor that is this part of the longest edge broad, or less, nothing is left; and all at one of that part.
+const LEFT_OUT: f32 = 0.25;
+const KEPT: f32 = 0.75;
+
 // A node of the lattice and its neighbours: how far those below and above are, zero where the lattice ends; and the cells behind
 // these.
 struct Star {
@@ -275,48 +279,6 @@ fn potential_around(place: vec3<f32>, radius: f32) -> f32 {
     return potential_before(p, place.y) / sqrt(max(from_axis, LEAST_RADIUS));
 }
 
-// ln(1 + x) / x for x > 0, by the series of the area tangent: drivers' logarithms have eleven bits.
-fn log_over(x: f32) -> f32 {
-    var mantissa = 1.0 + x;
-    var exponent = 0.0;
-    var s = x / (2.0 + x);
-    if (x > 0.4) {
-        let bits = bitcast<u32>(mantissa);
-        mantissa = bitcast<f32>((bits & 0x7fffffu) | 0x3f800000u);
-        exponent = f32(bits >> 23u) - 127.0;
-        if (mantissa > 1.41421356) {
-            mantissa *= 0.5;
-            exponent += 1.0;
-        }
-        s = (mantissa - 1.0) / (mantissa + 1.0);
-    }
-    let square = s * s;
-    let series = 1.0 + square * (0.33333333 + square * (0.2 + square * (0.14285714 + square * 0.11111111)));
-    if (x > 0.4) { return (0.69314718 * exponent + 2.0 * s * series) / x; }
-    return 2.0 / (2.0 + x) * series;
-}
-
-// A round surface as it is near a point: the smaller principal curvature in parts of the larger one.
-fn second_curvature(solid: Solid, point: vec3<f32>) -> f32 {
-    if (solid.kind == CYLINDER) { return 0.0; }
-    if (solid.size.z == 0.0) { return 1.0; }
-    return clamp((abs(point.z) - solid.size.z) / solid.size.x + 0.5, 0.0, 1.0);
-}
-
-// Before its side, a cylinder has no ends.
-fn on_axis(solid: Solid, point: vec3<f32>) -> vec3<f32> {
-    if (solid.kind == CYLINDER) { return vec3<f32>(0.0, 0.0, point.z); }
-    return vec3<f32>(0.0, 0.0, clamp(point.z, -solid.size.z, solid.size.z));
-}
-
-// The potential before a round surface, in radii; zero in the object.
-fn round_potential(solid: Solid, second: f32, point: vec3<f32>) -> f32 {
-    let along = max(distance(point, on_axis(solid, point)) - solid.size.x, 0.0) / solid.size.x;
-    let rest = 1.0 - second;
-    let shared_part = along / (1.0 + second * along);
-    return shared_part * select(1.0, log_over(rest * shared_part), rest * shared_part > 0.0);
-}
-
 // What a node near an edge of a conductor, or before a round one, makes of its edges.
 struct Wedge {
     object: u32,
@@ -355,10 +317,7 @@ fn share_of_rim(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     let part = part_at(star, place);
     if (part <= 0.0) { return 0.0; }
     let along = abs(solid.turn * cross(angle.first, angle.second));
-    // What is known of a rim holds within its radius.
-    let across = max(size_along(star, solid.turn * angle.first), size_along(star, solid.turn * angle.second));
-    let is_straight = clamp(angle.radius / max(size_along(star, along), across) - 1.0, 0.0, 1.0);
-    return part * is_straight * within(star, place, along);
+    return part * known_of_rim(star, solid, point) * within(star, place, along);
 }
 
 // The size of a cell in a direction.
@@ -370,22 +329,6 @@ fn size_along(star: Star, direction: vec3<f32>) -> f32 {
 fn narrowest_beside(star: Star) -> vec3<f32> {
     let shortest = min(star.below, star.above);
     return select(max(star.below, star.above), shortest, shortest > vec3<f32>(0.0));
-}
-
-// How much of a node's links what is round has if there is nothing else: a capsule, or the side of a cylinder but for a cell at either
-// end.
-fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
-    let axis = on_axis(solid, point);
-    var beside = 1.0;
-    if (solid.kind == CYLINDER) {
-        let before_end = solid.size.z - abs(point.z);
-        if (before_end <= 0.0) { return 0.0; }
-        beside = min(before_end / size_along(star, solid.turn * vec3<f32>(0.0, 0.0, 1.0)), 1.0);
-    }
-    let away = point - axis;
-    let distance = length(away);
-    let place = solid.turn * (axis + away * select(0.0, solid.size.x / distance, distance > 0.0) - point);
-    return part_at(star, place) * within(star, place, vec3<f32>(0.0)) * beside;
 }
 
 // How much of a node's links the edges of an object have if there is nothing else, and of what these leave what is round of it.
@@ -434,6 +377,9 @@ fn wedge_at(star: Star) -> Wedge {
 
 fn farthest(ways: vec3<f32>) -> f32 { return max(ways.x, max(ways.y, ways.z)); }
 
+// How much of negative links is left beside a conductor that is such a part of the longest edge broad.
+fn of_negative(breadth: f32) -> f32 { return clamp((breadth - LEFT_OUT) / (KEPT - LEFT_OUT), 0.0, 1.0); }
+
 // What the field around an edge of an object, or before what is round of it, makes of a node.
 struct FieldLink {
     potential: f32,
@@ -447,10 +393,10 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
     let solid = solid_of(object);
     let point = in_frame(solid, spot);
     var angle: RightAngle;
-    var second = 0.0;
+    var roundness: RoundField;
     var breadth = 2.0 * solid.size.x;
     if (is_round) {
-        second = second_curvature(solid, point);
+        roundness = round_field(star, solid, point);
     } else {
         angle = nearest_angle(solid, point);
         breadth = angle.breadth;
@@ -462,7 +408,7 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
     let is_box = !is_round && solid.kind == BOX;
     var around: BoxField;
     if (is_round) {
-        own = round_potential(solid, second, point);
+        own = round_potential(solid, roundness, point);
     } else if (is_box) {
         around = box_field(star, solid, point);
         own = box_potential(around, point);
@@ -488,7 +434,7 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
             var potential = 0.0;
             var is_seen = false;
             if (is_round) {
-                potential = round_potential(solid, second, other);
+                potential = round_potential(solid, roundness, other);
             } else {
                 let moved = point + select(-way, way, side == 1u) * turn[axis];
                 if (is_box) {
@@ -516,7 +462,7 @@ fn field_link(star: Star, spot: Spot, object: u32, is_round: bool) -> FieldLink 
     }
     field.potential = max(max(own, SMALLEST_PART * highest), 1e-30);
     var link = sum / field.potential - of_weights;
-    if (link < 0.0) { link *= clamp(breadth / longest - 1.0, 0.0, 1.0); }
+    if (link < 0.0) { link *= of_negative(breadth / longest); }
     field.link = link * star.above[CARRIER] / areas[CARRIER];
     return field;
 }
