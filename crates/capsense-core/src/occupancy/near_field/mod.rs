@@ -12,7 +12,8 @@
 //! all nodes with a link, so K is an M-matrix; what shares and several edges make of it, `tests/suite/wedge.rs` looks at. A stick much
 //! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
-//! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]).
+//! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]). Where
+//! cells are too large for rims, ends of cylinders are round, too ([`cylinder`]).
 //!
 //! So many cells from an edge that nothing is known of it ([`Cells::far`]) and a cell from any other object, the edge rule takes over, in shares. At ends of
 //! edges it does on meshes that are no lattices; on these the field is that of all edges that are about as near ([`box_field`]).

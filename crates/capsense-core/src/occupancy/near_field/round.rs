@@ -30,7 +30,7 @@ pub(in super::super) struct RoundNear {
 
 impl Round {
     /// The place on the piece of a line that is nearest to a point, and how far the point is beyond its ends.
-    pub(super) fn on_axis(&self, point: DVec3) -> (DVec3, f64) {
+    fn on_axis(&self, point: DVec3) -> (DVec3, f64) {
         let squared = self.half.length_squared();
         if squared == 0.0 {
             return (self.centre, f64::INFINITY);
