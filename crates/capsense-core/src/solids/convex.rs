@@ -347,9 +347,9 @@ impl Convex {
             Self::Cylinder { radius, half_length } => {
                 let end = |z: f64| Profile::Line([DVec2::new(0.0, z), DVec2::new(radius, z)]);
                 let ends = around(end(half_length)).into_iter().chain(around(end(-half_length)));
-                // Slid along its axis the side is the same, but nodes beside it know how far they are from its ends.
-                let side = all(around(side(radius, half_length)).to_vec(), BVec3::TRUE);
-                all(ends.collect(), BVec3::new(false, false, true)).chain(side).collect()
+                // Slid along its axis the side is the same, and slid across it the ends are; but nodes beside them know how far they are from
+                // the ends, and from the axis.
+                all(ends.chain(around(side(radius, half_length))).collect(), BVec3::TRUE).collect()
             }
         }
     }

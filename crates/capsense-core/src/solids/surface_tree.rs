@@ -23,7 +23,7 @@
 //! - Outside: O and K have nothing in common on the segment; in both poses it passes by.
 //!
 //! An end is in the solid if it is within K and O, of which the same is true. The boxes hold the rims of the faces that
-//! are left out. A capsule's surfaces touch each other without an angle, so that no margin parts the crossings of one
+//! are left out. Nodes near a cylinder know more of it than what is inside, so of its faces none is. A capsule's surfaces touch each other without an angle, so that no margin parts the crossings of one
 //! from those of another, and triangles are not told from their planes' distances: of these no face is left out.
 
 use super::convex::Patch;

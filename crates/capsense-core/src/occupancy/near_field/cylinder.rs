@@ -1,12 +1,12 @@
 //! What is before the side of a cylinder, and before its ends where cells are too large for rims.
 //!
 //! Where cells are small, what the field around the rims leaves is that before the side, as if it had no ends. Where they are as large as
-//! the radius, nothing is known of rims; a cylinder that is long enough is then what has the same capacitance, a capsule. That
+//! the radius, nothing is known of rims; a cylinder that is no disk is then what has the same capacitance, a capsule. That
 //! passes within the cylinder near its rims, and beyond its ends before their middles, where nodes may be. So the potential is the mean of
 //! those at the distances from both.
 
-use super::share::{Cells, part_at, part_of_rim};
-use super::{RightAngle, RightAngles, Round, RoundNear};
+use super::share::{Cells, known_within, part_at};
+use super::{RightAngles, Round, RoundNear};
 use glam::DVec3;
 
 /// So many radii longer at either end is a capsule with the radius and the capacitance of a cylinder: 0.42 to 0.41 for cylinders
@@ -33,7 +33,8 @@ pub(in super::super) struct Ended {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Side {
     cylinder: Ended,
-    /// How much its ends are those of a capsule, from none to all.
+    /// How much its ends are those of a capsule. Up to a half they come from far away, as what is before the side; from there on nodes
+    /// before them have more and more of it, too.
     rounded: f64,
 }
 
@@ -73,15 +74,12 @@ impl Ended {
 }
 
 impl Side {
-    /// The side of what has these right angles, of which one is the nearest, if it is a cylinder.
-    pub(super) fn of(angles: &RightAngles, nearest: Option<&RightAngle>, cells: &impl Cells) -> Option<Self> {
+    /// The side of what has these right angles, if it is a cylinder. What is known of all of a rim counts, so that nodes on both sides of
+    /// the axis see the same.
+    pub(super) fn of(angles: &RightAngles, cells: &impl Cells) -> Option<Self> {
         let cylinder = Ended::new(&angles.side()?);
-        // On the axis, all of a rim is as near.
-        let turn = &angles.sensor_from_object.matrix3;
-        let normals = nearest.map_or([turn.x_axis, turn.z_axis], |angle| angle.normals);
-        let around = normals[0].cross(normals[1]);
-        let known = part_of_rim(cells, cylinder.radius, &normals, cells.size_along(around));
-        Some(Self { cylinder, rounded: cylinder.rounded(known) })
+        let largest = cells.size_along(cylinder.along).max(cells.size_across(cylinder.along));
+        Some(Self { cylinder, rounded: cylinder.rounded(known_within(cylinder.radius, largest)) })
     }
 
     /// How much of a node's links the side has if there is nothing else, and ends that are those of a capsule: of a side without ends all of

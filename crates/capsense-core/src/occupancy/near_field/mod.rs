@@ -13,7 +13,7 @@
 //! narrower than cells may have hardly any other links; there the negative ones are left out.
 //!
 //! In front of round conductors, spheres, capsules and sides of cylinders, u is what falls as surfaces at a distance grow ([`round`]). Where
-//! cells are too large for rims, ends of cylinders are round, too ([`cylinder`]).
+//! cells are too large for rims, ends of cylinders that are no disks are round, too ([`cylinder`]).
 //!
 //! So many cells from an edge that nothing is known of it ([`Cells::far`]) and a cell from any other object, the edge rule takes over, in shares. At ends of
 //! edges it does on meshes that are no lattices; on these the field is that of all edges that are about as near ([`box_field`]).
@@ -72,8 +72,10 @@ pub(super) use star::{Row, Star, Stars};
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
 
-/// Of negative links at a conductor that is this part of the longest edge broad, or less, nothing is left; and all at one of that part.
+/// Conductors no broader than this part of the longest edge keep no negative links,
 const LEFT_OUT: f64 = 0.25;
+
+/// and as broad as this, all; in between in proportion.
 const KEPT: f64 = 0.75;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
@@ -468,9 +470,9 @@ impl Scene<'_> {
             KnownField::None => None,
             KnownField::Edges(angles) => {
                 let is_near = |angle: &RightAngle| (angle.place - point).abs().cmple(cells.reach()).all();
-                let nearest = angles.nearest(point);
-                let edge = nearest.filter(is_near).map(|angle| (angle, share_of(cells, &angle)));
-                match Side::of(angles, nearest.as_ref(), cells) {
+                let edge = angles.nearest(point).filter(is_near);
+                let edge = edge.map(|angle| (angle, share_of(cells, &angle)));
+                match Side::of(angles, cells) {
                     None => edge.map(|(angle, share)| (Near::Edge(angle), share)),
                     Some(side) => Near::of_cylinder(edge, (side.seen_from(point), side.share(cells, point))),
                 }

@@ -63,6 +63,9 @@ pub(in super::super) trait Cells {
     /// The size of a cell in a direction, in metres.
     fn size_along(&self, direction: DVec3) -> f64;
 
+    /// The largest such size across an axis, a unit vector.
+    fn size_across(&self, axis: DVec3) -> f64;
+
     /// How much a place on a conductor counts: nothing outside the mesh, as what is left there of the links around it is slightly
     /// negative ones alone, and all of it a cell within. An edge may lead out of the mesh `along` a unit vector.
     fn within(&self, place: DVec3, along: DVec3) -> f64;
@@ -84,19 +87,20 @@ pub(super) fn share_of(cells: &impl Cells, angle: &RightAngle) -> f64 {
     let size = cells.size_along(angle.along());
     // Most are far from ends, and most edges straight: no divisions for these.
     let from_ends = if angle.inside >= size { 1.0 } else { (angle.inside / size).max(0.0) };
-    let of_rim = if angle.radius == f64::INFINITY {
-        1.0
-    } else {
-        part_of_rim(cells, angle.radius, &angle.normals, size)
-    };
+    let of_rim = if angle.radius == f64::INFINITY { 1.0 } else { part_of_rim(cells, angle, size) };
     part * from_ends * of_rim * cells.within(angle.place, angle.along())
+}
+
+/// How much is known of a rim where cells are so large at most.
+pub(super) fn known_within(radius: f64, largest: f64) -> f64 {
+    (radius / largest - 1.0).clamp(0.0, 1.0)
 }
 
 /// How much a round edge counts where a cell along it has such a size: what is known of it holds within its radius, so nothing of it
 /// where a cell is as large in any direction, and all of it where that is twice as large.
-pub(super) fn part_of_rim(cells: &impl Cells, radius: f64, normals: &[DVec3; 2], size: f64) -> f64 {
-    let largest = normals.iter().map(|normal| cells.size_along(*normal)).fold(size, f64::max);
-    (radius / largest - 1.0).clamp(0.0, 1.0)
+fn part_of_rim(cells: &impl Cells, angle: &RightAngle, size: f64) -> f64 {
+    let largest = angle.normals.iter().map(|normal| cells.size_along(*normal)).fold(size, f64::max);
+    known_within(angle.radius, largest)
 }
 
 /// How much of a node's links is what a round surface makes of them, if there is nothing else.

@@ -375,6 +375,17 @@ impl Cells for Star<'_> {
         let along = direction.abs();
         along.x * x.narrowest + along.y * y.narrowest + along.z * z.narrowest
     }
+
+    /// Of corners of a cell that lie opposite each other, the pair that is farthest from the axis.
+    fn size_across(&self, axis: DVec3) -> f64 {
+        let sizes = DVec3::from_array(self.planes.map(|plane| plane.narrowest));
+        let DVec3 { x, y, z } = sizes * axis;
+        let along = [x + y + z, x + y - z, x - y + z, x - y - z]
+            .map(f64::abs)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        (sizes.length_squared() - along * along).sqrt()
+    }
 }
 
 /// A region with all that is less than [`Cells::far`] cells away, none of which is larger than edges are long.

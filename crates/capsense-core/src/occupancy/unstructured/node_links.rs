@@ -79,6 +79,10 @@ impl Cells for CellsAround {
         self.size
     }
 
+    fn size_across(&self, _: DVec3) -> f64 {
+        self.size
+    }
+
     fn within(&self, place: DVec3, along: DVec3) -> f64 {
         let Aabb { min, max } = self.ends;
         let within = ((place - min).min(max - place) / self.size).clamp(DVec3::ZERO, DVec3::ONE);

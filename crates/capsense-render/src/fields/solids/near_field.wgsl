@@ -16,7 +16,7 @@ const STRAIGHT: f32 = 3e38;
 // By how much thicker than edges of the mesh a conductor must be, so that what is behind it does not matter.
 const SPARE: f32 = 1.1;
 
-// Of negative links at a conductor that is this part of the longest edge broad, or less, nothing is left; and all at one of that part.
+// Conductors no broader than this part of the longest edge keep no negative links, and as broad as this, all; in between in proportion.
 const LEFT_OUT: f32 = 0.25;
 const KEPT: f32 = 0.75;
 
@@ -317,7 +317,9 @@ fn share_of_rim(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     let part = part_at(star, place);
     if (part <= 0.0) { return 0.0; }
     let along = abs(solid.turn * cross(angle.first, angle.second));
-    return part * known_of_rim(star, solid, point) * within(star, place, along);
+    let across = max(size_along(star, solid.turn * angle.first), size_along(star, solid.turn * angle.second));
+    let known = known_within(angle.radius, max(size_along(star, along), across));
+    return part * known * within(star, place, along);
 }
 
 // The size of a cell in a direction.

@@ -40,7 +40,7 @@ fn round_field(star: Star, solid: Solid, point: vec3<f32>) -> RoundField {
     if (solid.kind != CYLINDER && solid.size.z == 0.0) { return RoundField(0.0, 1.0, 0.0); }
     var field = RoundField(solid.size.z, 0.0, 0.0);
     if (solid.kind == CYLINDER) {
-        let ended = min(2.0 * rounded_part(star, solid, point), 1.0);
+        let ended = min(2.0 * rounded_part(star, solid), 1.0);
         if (ended == 0.0) { return RoundField(ENDLESS * solid.size.z, 0.0, 0.0); }
         // As ends appear, they come from far away.
         field.half = solid.size.z / ended - (1.0 - BEYOND_ENDS) * solid.size.x;
@@ -50,10 +50,12 @@ fn round_field(star: Star, solid: Solid, point: vec3<f32>) -> RoundField {
     return field;
 }
 
-// How much the ends of a cylinder are those of a capsule: where nothing is known of rims, all, but for disks.
-fn rounded_part(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
+// How much the ends of a cylinder are those of a capsule: where nothing is known of rims, all, but for disks. Up to a half they come from
+// far away; from there on nodes before them have more and more of what is before the side, too.
+fn rounded_part(star: Star, solid: Solid) -> f32 {
     let within = (1.0 - BEYOND_ENDS) * solid.size.x;
-    return (1.0 - known_of_rim(star, solid, point)) * clamp(solid.size.z / within - 1.0, 0.0, 1.0);
+    let largest = max(size_along(star, solid.turn[2]), size_across(star, solid.turn[2]));
+    return (1.0 - known_within(solid.size.x, largest)) * clamp(solid.size.z / within - 1.0, 0.0, 1.0);
 }
 
 // How far a point is from a cylinder; negative within.
@@ -79,15 +81,17 @@ fn potential_at_distance(solid: Solid, field: RoundField, gap: f32) -> f32 {
     return shared_part * select(1.0, log_over(rest * shared_part), rest * shared_part > 0.0);
 }
 
-// How much is known of the rims of a cylinder. What is known holds within the radius.
-fn known_of_rim(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
-    let from_axis = length(point.xy);
-    // On the axis, all of a rim is as near.
-    let outwards = select(vec2<f32>(1.0, 0.0), point.xy / from_axis, from_axis > STANDSTILL);
-    let around = size_along(star, solid.turn * vec3<f32>(outwards.y, -outwards.x, 0.0));
-    let across = size_along(star, solid.turn * vec3<f32>(outwards, 0.0));
-    let largest = max(max(around, across), size_along(star, solid.turn[2]));
-    return clamp(solid.size.x / largest - 1.0, 0.0, 1.0);
+// How much is known of a rim where cells are so large at most.
+fn known_within(radius: f32, largest: f32) -> f32 { return clamp(radius / largest - 1.0, 0.0, 1.0); }
+
+// The largest size of a cell across an axis, a unit vector.
+fn size_across(star: Star, axis: vec3<f32>) -> f32 {
+    let sizes = narrowest_beside(star);
+    let by_axis = sizes * axis;
+    let even = min(abs(by_axis.x + by_axis.y + by_axis.z), abs(by_axis.x + by_axis.y - by_axis.z));
+    let odd = min(abs(by_axis.x - by_axis.y + by_axis.z), abs(by_axis.x - by_axis.y - by_axis.z));
+    let along = min(even, odd);
+    return sqrt(dot(sizes, sizes) - along * along);
 }
 
 // How much of a node's links what is round has if there is nothing else: a capsule, or the side of a cylinder but for a cell at either
@@ -99,7 +103,7 @@ fn round_share(star: Star, solid: Solid, point: vec3<f32>) -> f32 {
     var part = 1.0;
     if (solid.kind == CYLINDER) {
         let beside = clamp((solid.size.z - abs(point.z)) / size_along(star, solid.turn[2]), 0.0, 1.0);
-        part = beside + (1.0 - beside) * max(2.0 * rounded_part(star, solid, point) - 1.0, 0.0);
+        part = beside + (1.0 - beside) * max(2.0 * rounded_part(star, solid) - 1.0, 0.0);
         if (part == 0.0) { return 0.0; }
         let across = length(away.xy);
         let kept = select(1.0, solid.size.x / across, across > solid.size.x);
