@@ -3,11 +3,13 @@
 use crate::common::shapes::{LENGTH, RADIUS, SIZE, all_shapes, at, pose, rotation};
 use crate::common::updater::Updater;
 use crate::common::{
-    Dice, bar, conductor, depth_of_boxes, dielectric, stripes_sensor, with_moved_nodes, without_lattice,
+    Dice, bar, conductor, depth_of_boxes, dielectric, stripes_sensor, three_stripes, with_moved_nodes,
+    without_lattice,
 };
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::Connection;
+use capsense_core::mesh::Lattice;
 use capsense_core::occupancy::{Earlier, Regions, Surfaces};
 use capsense_core::sensor::Sensor;
 use capsense_core::solids::Solids;
@@ -265,6 +267,27 @@ fn a_cylinder_leaves_no_trace() {
                 cylinder.place(&[Pose::at(place)]).unwrap();
                 updater.step_checked(&cylinder);
             }
+        }
+    }
+}
+
+/// Nor does one whose ends are those of a capsule, of which nodes before them know how far they are from its axis: where cells are high, more
+/// than two of them are between these and its rims.
+#[test]
+fn a_slim_cylinder_leaves_no_trace_as_it_slides_across_its_axis() {
+    let mut cylinder = Solids::new(&[Shape::Cylinder { radius: 0.028, length: 0.1 }]).unwrap();
+    let design = three_stripes();
+    let axis = |axis: usize, cells: i32| -> Vec<f64> {
+        let (low, high) = (design.domain.min[axis], design.domain.max[axis]);
+        (0..=cells).map(|k| low + (high - low) * f64::from(k) / f64::from(cells)).collect()
+    };
+    let lattice = Lattice::new([axis(0, 80), axis(1, 50), axis(2, 10)]).unwrap();
+    let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
+    let mut updater = Updater::new(&sensor, &[conductor(Connection::Grounded)]);
+    for way in [DVec3::X, DVec3::Y] {
+        for frame in 0..10 {
+            cylinder.place(&[Pose::at(DVec3::new(0.0, 0.0, 0.142) + 5e-4 * f64::from(frame) * way)]).unwrap();
+            updater.step_checked(&cylinder);
         }
     }
 }
