@@ -281,7 +281,7 @@ fn a_slim_cylinder_leaves_no_trace_as_it_slides_across_its_axis() {
         let (low, high) = (design.domain.min[axis], design.domain.max[axis]);
         (0..=cells).map(|k| low + (high - low) * f64::from(k) / f64::from(cells)).collect()
     };
-    let lattice = Lattice::new([axis(0, 80), axis(1, 50), axis(2, 10)]).unwrap();
+    let lattice = Lattice::new([axis(0, 150), axis(1, 150), axis(2, 10)]).unwrap();
     let sensor = Sensor::on_lattice(&design, &lattice).unwrap();
     let mut updater = Updater::new(&sensor, &[conductor(Connection::Grounded)]);
     for way in [DVec3::X, DVec3::Y] {
