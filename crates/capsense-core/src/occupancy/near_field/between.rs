@@ -51,7 +51,7 @@ impl Scene<'_> {
     }
 
     /// (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node P, whose potential is known, and its neighbour Q, by as much as
-    /// the edge has of the node's share: before what is round there are no walls, but for ends of slim cylinders, where it is left out as well.
+    /// the edge has of the node's share: before what is round there are no walls, but for ends of slim cylinders, where what they take is left out.
     fn slope_from(&self, stars: &Stars, wedge: &AtWedge, nodes: [u32; 2]) -> f64 {
         if wedge.of_edge == 0.0 {
             return 0.0;

@@ -5,7 +5,7 @@
 //! passes within the cylinder near its rims, and beyond its ends before their middles, where nodes may be. So the potential is the mean of
 //! those at the distances from both.
 
-use super::share::{Cells, known_within, part_at};
+use super::share::{Cells, known_within, share_of_round};
 use super::{RightAngles, Round, RoundNear};
 use glam::DVec3;
 
@@ -21,7 +21,7 @@ const ENDLESS: f64 = 1e6;
 
 /// A cylinder with flat ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in super::super) struct Ended {
+pub(in super::super) struct FlatEnded {
     centre: DVec3,
     /// The unit vector along the axis.
     along: DVec3,
@@ -32,14 +32,14 @@ pub(in super::super) struct Ended {
 /// A cylinder as cells see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Side {
-    cylinder: Ended,
+    cylinder: FlatEnded,
     /// How much its ends are those of a capsule. Up to a half they come from far away, as what is before the side; from there on nodes
     /// before them have more and more of it, too.
     rounded: f64,
 }
 
-impl Ended {
-    pub(super) fn new(side: &Round) -> Self {
+impl FlatEnded {
+    fn of(side: &Round) -> Self {
         let half_length = side.half.length();
         Self { centre: side.centre, along: side.half / half_length, half_length, radius: side.radius }
     }
@@ -77,7 +77,7 @@ impl Side {
     /// The side of what has these right angles, if it is a cylinder. What is known of all of a rim counts, so that nodes on both sides of
     /// the axis see the same.
     pub(super) fn of(angles: &RightAngles, cells: &impl Cells) -> Option<Self> {
-        let cylinder = Ended::new(&angles.side()?);
+        let cylinder = FlatEnded::of(&angles.side()?);
         let largest = cells.size_along(cylinder.along).max(cells.size_across(cylinder.along));
         Some(Self { cylinder, rounded: cylinder.rounded(known_within(cylinder.radius, largest)) })
     }
@@ -85,7 +85,7 @@ impl Side {
     /// How much of a node's links the side has if there is nothing else, and ends that are those of a capsule: of a side without ends all of
     /// it a cell from either, and nothing beyond.
     pub(super) fn share(&self, cells: &impl Cells, point: DVec3) -> f64 {
-        let Ended { along, half_length, .. } = self.cylinder;
+        let FlatEnded { along, half_length, .. } = self.cylinder;
         let before_end = half_length - self.cylinder.ways(point).0.abs();
         let beside = (before_end / cells.size_along(along)).clamp(0.0, 1.0);
         let part = beside + (1.0 - beside) * (2.0 * self.rounded - 1.0).max(0.0);
@@ -93,12 +93,12 @@ impl Side {
             return 0.0;
         }
         let place = self.cylinder.place(point);
-        part * part_at(cells, place) * cells.within(place, DVec3::ZERO)
+        part * share_of_round(cells, place)
     }
 
     /// The surface as it is near a point.
     pub(super) fn seen_from(&self, point: DVec3) -> RoundNear {
-        let Ended { centre, along, half_length, radius } = self.cylinder;
+        let FlatEnded { centre, along, half_length, radius } = self.cylinder;
         let round = |half: f64| Round { centre, half: half * along, radius };
         let ended = (2.0 * self.rounded).min(1.0);
         if ended == 0.0 {
@@ -114,7 +114,8 @@ impl Side {
 mod tests {
     use super::*;
 
-    const CYLINDER: Ended = Ended { centre: DVec3::X, along: DVec3::Z, half_length: 4.0, radius: 1.0 };
+    const CYLINDER: FlatEnded =
+        FlatEnded { centre: DVec3::X, along: DVec3::Z, half_length: 4.0, radius: 1.0 };
 
     #[test]
     fn places_are_the_nearest_ones() {

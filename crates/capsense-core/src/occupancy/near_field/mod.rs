@@ -72,10 +72,10 @@ pub(super) use star::{Row, Star, Stars};
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
 
-/// Conductors no broader than this part of the longest edge keep no negative links,
+/// Conductors no broader than this part of the longest edge keep no negative links.
 const LEFT_OUT: f64 = 0.25;
 
-/// and as broad as this, all; in between in proportion.
+/// Those as broad as this part keep all; in between, in proportion.
 const KEPT: f64 = 0.75;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
@@ -478,7 +478,7 @@ impl Scene<'_> {
                 }
             }
             KnownField::Round(round) => {
-                Some((Near::Round(round.seen_from(point)), share_of_round(cells, round, point)))
+                Some((Near::Round(round.seen_from(point)), share_of_round(cells, round.place(point))))
             }
         }
     }

@@ -4,7 +4,7 @@
 //! (1 + k d)(1 + l d) times its own, and a field that is normal to them is ∫ dd / (1 + k d)(1 + l d): d/(1 + d/R) for a sphere,
 //! R ln(1 + d/R) for a cylinder. Every potential that is constant on a surface bends there as this one does.
 
-use super::cylinder::Ended;
+use super::cylinder::FlatEnded;
 use glam::DVec3;
 
 /// A round surface: all that is as far as the radius from a piece of a line.
@@ -25,7 +25,7 @@ pub(in super::super) struct RoundNear {
     /// The smaller principal curvature in parts of the larger one.
     second: f64,
     /// Of what it stands for, if that has flat ends, and how much of the potential is by the distance from this.
-    ended: Option<(Ended, f64)>,
+    ended: Option<(FlatEnded, f64)>,
 }
 
 impl Round {
@@ -59,7 +59,7 @@ impl Round {
 
 impl RoundNear {
     /// The same in place of a cylinder, with a part of the potential by the distance from that.
-    pub(super) fn in_place_of(self, cylinder: Ended, part: f64) -> Self {
+    pub(super) fn in_place_of(self, cylinder: FlatEnded, part: f64) -> Self {
         Self { ended: Some((cylinder, part)), ..self }
     }
 

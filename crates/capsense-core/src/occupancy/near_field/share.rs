@@ -1,6 +1,6 @@
 //! How much of a node's links is what the field of a conductor makes of them: distances in cells, and extents.
 
-use super::{NEAR, RightAngle, Round, RoundNear};
+use super::{NEAR, RightAngle, RoundNear};
 use glam::DVec3;
 
 /// By how much thicker than edges of a mesh a conductor must be, so that what is behind it does not matter before it. With nothing to
@@ -103,9 +103,8 @@ fn part_of_rim(cells: &impl Cells, angle: &RightAngle, size: f64) -> f64 {
     known_within(angle.radius, largest)
 }
 
-/// How much of a node's links is what a round surface makes of them, if there is nothing else.
-pub(super) fn share_of_round(cells: &impl Cells, round: &Round, point: DVec3) -> f64 {
-    let place = round.place(point);
+/// How much of a node's links is what a round surface makes of them whose nearest place that is, if there is nothing else.
+pub(super) fn share_of_round(cells: &impl Cells, place: DVec3) -> f64 {
     part_at(cells, place) * cells.within(place, DVec3::ZERO)
 }
 

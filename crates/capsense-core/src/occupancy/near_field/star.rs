@@ -384,7 +384,7 @@ impl Cells for Star<'_> {
             .map(f64::abs)
             .into_iter()
             .fold(f64::INFINITY, f64::min);
-        (sizes.length_squared() - along * along).sqrt()
+        (sizes.length_squared() - along * along).max(0.0).sqrt()
     }
 }
 

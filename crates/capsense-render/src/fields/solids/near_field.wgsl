@@ -481,7 +481,7 @@ fn linked_wedge(star: Star, spot: Spot, object: u32, share: f32, of_edge: f32) -
 // (u(Q) - u(P)) / u(P) for the field of a conductor's edge near a node, whose potential is known, and its neighbour.
 fn slope_from(wedge: Wedge, star: Star, to: Spot) -> f32 {
     let solid = solid_of(wedge.object);
-    // Before what is round there are no walls.
+    // Before what is round there are no walls, but for ends of slim cylinders, where what they take is left out.
     if (wedge.of_edge == 0.0) { return 0.0; }
     let point = in_frame(solid, spot_of(star.place));
     var other = 0.0;

@@ -91,7 +91,7 @@ fn size_across(star: Star, axis: vec3<f32>) -> f32 {
     let even = min(abs(by_axis.x + by_axis.y + by_axis.z), abs(by_axis.x + by_axis.y - by_axis.z));
     let odd = min(abs(by_axis.x - by_axis.y + by_axis.z), abs(by_axis.x - by_axis.y - by_axis.z));
     let along = min(even, odd);
-    return sqrt(dot(sizes, sizes) - along * along);
+    return sqrt(max(dot(sizes, sizes) - along * along, 0.0));
 }
 
 // How much of a node's links what is round has if there is nothing else: a capsule, or the side of a cylinder but for a cell at either
