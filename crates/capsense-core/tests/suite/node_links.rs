@@ -2,11 +2,14 @@
 //! are edges.
 
 use crate::common::walled::{Body, Held, Rule, WalledBox, cubes};
-use crate::common::{Dice, conductor};
+use crate::common::{Dice, conductor, three_stripes, to};
 use capsense_core::geometry::{Aabb, Pose, Shape};
 use capsense_core::glam::{DQuat, DVec3};
 use capsense_core::material::Connection;
 use capsense_core::mesh::{Bisection, Lattice, Refinement, TetMesh, signed_volume};
+use capsense_core::sensor::{MeshKind, Sensor};
+use capsense_core::simulator::Simulator;
+use capsense_core::solids::Solids;
 use capsense_core::stiffness::EdgeNetwork;
 use std::f64::consts::PI;
 
@@ -126,5 +129,36 @@ fn faces_are_where_they_are_in_flat_elements() {
             println!("{times} {case}: {alone} {linked}");
             assert!(linked < 0.1 * alone, "{times} {case}: {alone} {linked}");
         }
+    }
+}
+
+/// As round bodies rise over a bisected mesh, an electrode's capacitance falls with each step, and steps change little from one to the
+/// next: no link jumps as conductors come to hold nodes.
+#[test]
+fn steps_change_little_as_conductors_come_to_hold_nodes() {
+    let sensor = Sensor::generated(&three_stripes(), MeshKind::Bisection, 30_000).unwrap();
+    let bodies = [
+        (Shape::Sphere { radius: 0.045 }, DQuat::IDENTITY),
+        (Shape::Capsule { radius: 0.03, length: 0.08 }, DQuat::from_rotation_y(1.3)),
+        (Shape::Cylinder { radius: 0.03, length: 0.1 }, DQuat::from_rotation_y(1.3)),
+    ];
+    for (shape, rotation) in bodies {
+        let grounded = vec![conductor(Connection::Grounded)];
+        let mut simulator = Simulator::new(sensor.clone(), grounded, to(1e-8)).unwrap();
+        let mut solids = Solids::new(std::slice::from_ref(&shape)).unwrap();
+        let at = |step: u32| {
+            let place = DVec3::new(0.01, 0.005, 0.07 + 5e-4 * f64::from(step));
+            solids.place(&[Pose { rotation, ..Pose::at(place) }]).unwrap();
+            let _ = simulator.step(&solids).unwrap();
+            simulator.capacitance().get(0, 0)
+        };
+        let places: Vec<f64> = (0..200).map(at).collect();
+        let falls: Vec<f64> = places.windows(2).map(|pair| pair[0] - pair[1]).collect();
+        let all: f64 = falls.iter().sum();
+        let squares = falls.windows(2).map(|pair| (pair[1] - pair[0]).powi(2));
+        let kinks = squares.sum::<f64>().sqrt() / all;
+        println!("{shape:?}: {kinks:.4}");
+        assert!(falls.iter().all(|fall| *fall > 0.0), "{shape:?}");
+        assert!(kinks < 0.006, "{shape:?}: {kinks}");
     }
 }

@@ -186,11 +186,20 @@ impl Near {
             _ => (of_side > 0.0).then_some((Self::Round(side), of_side)),
         }
     }
+
+    /// How much of the field is that of a round surface, and the diameter of that in metres.
+    pub(super) fn of_round(&self) -> (f64, f64) {
+        match self {
+            Self::Edge(_) => (0.0, 0.0),
+            Self::Round(round) => (1.0, round.diameter()),
+            Self::Cylinder(_, of_edge, side) => (1.0 - f64::from(*of_edge), side.diameter()),
+        }
+    }
 }
 
-/// How much of negative links is left beside a conductor that is such a part of the longest edge broad.
+/// How well cells resolve a conductor that is such a part of the longest edge broad: so much of negative links is left beside it.
 #[inline]
-fn of_negative(breadth: f64) -> f64 {
+pub(super) fn resolved(breadth: f64) -> f64 {
     ((breadth - LEFT_OUT) / (KEPT - LEFT_OUT)).clamp(0.0, 1.0)
 }
 
@@ -406,7 +415,7 @@ impl Scene<'_> {
                 ..AtWedge::NONE
             },
             share,
-            of_negative: of_negative(near.breadth() * star.per_longest()),
+            of_negative: resolved(near.breadth() * star.per_longest()),
             carrier: star.ways(CARRIER)[1] / star.area(CARRIER),
             besides: 0.0,
         }

@@ -14,7 +14,7 @@
 use super::super::coupling::{Coupling, SMALLEST_PART};
 use super::super::index_set::IndexList;
 use super::super::near_field::{
-    Cells, FAR_OFF_LATTICE, Near, Places, RightAngle, RoundNear, grown, part_within,
+    Cells, FAR_OFF_LATTICE, Near, Places, RightAngle, RoundNear, grown, part_within, resolved,
 };
 use super::super::{NO_OBJECT, Scene};
 use super::obtuse::Holder;
@@ -40,6 +40,12 @@ const NODES_OF_A_TASK: usize = 64;
 
 /// So many slabs for each thread, as nodes are closer to each other in some.
 const SLABS_OF_A_THREAD: usize = 4;
+
+/// An edge is cut well where at least this part of it is inside of the conductor.
+const WELL_CUT: f64 = 0.5;
+
+/// What a round conductor that cells resolve adds to the links of nodes of which no edge is cut counts less by so much.
+const LESS_BEYOND: f64 = 0.5;
 
 /// The link of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -118,6 +124,8 @@ struct Ending {
     /// Sum of the weights with which edges end there, and with which they would if weights of any sign were cut.
     now: f64,
     cut: f64,
+    /// How well the one is cut of which the most is inside: from 0, as where none is, to 1.
+    well_cut: f64,
     /// Whether they end in different conductors.
     are_several: bool,
     /// Whether the permittivity is not the same all around the node.
@@ -125,8 +133,28 @@ struct Ending {
 }
 
 impl Ending {
-    const NONE: Self =
-        Self { object: NO_OBJECT, most: 0.0, now: 0.0, cut: 0.0, are_several: false, is_mixed: false };
+    const NONE: Self = Self {
+        object: NO_OBJECT,
+        most: 0.0,
+        now: 0.0,
+        cut: 0.0,
+        well_cut: 0.0,
+        are_several: false,
+        is_mixed: false,
+    };
+
+    /// What counts of what a conductor's field adds to the node's links, if such a part of it is of a round conductor which cells resolve.
+    ///
+    /// K stays positive definite for certain if nothing is taken away from nodes of which no edge ends in the conductor. So that
+    /// nothing jumps as the first one does, what is taken away grows with how well edges are cut. As it is missing until then, half of
+    /// what round conductors add is left out, too, or they would be too large; where cells do not resolve them, that is all that
+    /// tells of them.
+    fn kept(&self, added: f64, of_resolved: f64) -> f64 {
+        match added < 0.0 {
+            true => self.well_cut * added,
+            false => (1.0 - LESS_BEYOND * of_resolved * (1.0 - self.well_cut)) * added,
+        }
+    }
 }
 
 /// What potentials of a node and its neighbours ask for, the neighbours one after the other.
@@ -348,16 +376,17 @@ impl Unstructured {
             && let Some((of, near, share)) = self.nearest(scene, node)
         {
             object = of as u16;
+            let (of_round, diameter) = near.of_round();
+            let of_resolved = of_round * resolved(diameter / self.links.cell[node]);
             let near = match &near {
                 Near::Edge(angle) => self.at_wedge(scene, node, angle, conductors),
                 Near::Round(round) => self.at_round(scene, node, round, conductors),
-                Near::Cylinder(angle, of_edge, side) => {
-                    let part = f64::from(*of_edge);
-                    part * self.at_wedge(scene, node, angle, conductors)
-                        + (1.0 - part) * self.at_round(scene, node, side, conductors)
+                Near::Cylinder(angle, _, side) => {
+                    (1.0 - of_round) * self.at_wedge(scene, node, angle, conductors)
+                        + of_round * self.at_round(scene, node, side, conductors)
                 }
             };
-            all += share * (near - all);
+            all += share * ending.kept(near - all, of_resolved);
         }
         if object != NO_OBJECT {
             all = all.max(self.least_links(node, object));
@@ -409,6 +438,11 @@ impl Unstructured {
             }
             ending.now += now;
             ending.cut += cut;
+            if self.weights[edge] > 0.0 {
+                let beyond = if rule.object[1 - end] == NO_OBJECT { 0.0 } else { 1.0 / rule.factor[1 - end] };
+                let inside = 1.0 - 1.0 / factor - beyond;
+                ending.well_cut = ending.well_cut.max((inside / WELL_CUT).clamp(0.0, 1.0));
+            }
         });
         ending
     }
