@@ -4,6 +4,7 @@
 //! conductors nodes are linked for them ([`node_links`]), and in dielectrics elements scale them ([`negative`]).
 
 mod cut_element;
+mod ending;
 mod immersed;
 mod least_links;
 mod negative;

@@ -17,6 +17,7 @@ use super::super::near_field::{
     Cells, FAR_OFF_LATTICE, Near, Places, RightAngle, RoundNear, grown, part_within, resolved,
 };
 use super::super::{NO_OBJECT, Scene};
+use super::ending::Ending;
 use super::obtuse::Holder;
 use super::{HeldEdge, Unstructured};
 use crate::geometry::Aabb;
@@ -40,12 +41,6 @@ const NODES_OF_A_TASK: usize = 64;
 
 /// So many slabs for each thread, as nodes are closer to each other in some.
 const SLABS_OF_A_THREAD: usize = 4;
-
-/// An edge is cut well where at least this part of it is inside of the conductor.
-const WELL_CUT: f64 = 0.5;
-
-/// What a round conductor that cells resolve adds to the links of nodes of which no edge is cut counts less by so much.
-const LESS_BEYOND: f64 = 0.5;
 
 /// The link of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,47 +109,6 @@ pub(super) struct NodeLinks {
     found: Vec<NodeLink>,
     /// Room for nodes that threads find near edges of conductors.
     near: Vec<Vec<u32>>,
-}
-
-/// The edges of a node that end in conductors.
-struct Ending {
-    /// The conductor that the node is linked to most, and by how much; [`NO_OBJECT`] if there is none.
-    object: u16,
-    most: f64,
-    /// Sum of the weights with which edges end there, and with which they would if weights of any sign were cut.
-    now: f64,
-    cut: f64,
-    /// How well the one is cut of which the most is inside: from 0, as where none is, to 1.
-    well_cut: f64,
-    /// Whether they end in different conductors.
-    are_several: bool,
-    /// Whether the permittivity is not the same all around the node.
-    is_mixed: bool,
-}
-
-impl Ending {
-    const NONE: Self = Self {
-        object: NO_OBJECT,
-        most: 0.0,
-        now: 0.0,
-        cut: 0.0,
-        well_cut: 0.0,
-        are_several: false,
-        is_mixed: false,
-    };
-
-    /// What counts of what a conductor's field adds to the node's links, if such a part of it is of a round conductor which cells resolve.
-    ///
-    /// K stays positive definite for certain if nothing is taken away from nodes of which no edge ends in the conductor. So that
-    /// nothing jumps as the first one does, what is taken away grows with how well edges are cut. As it is missing until then, half of
-    /// what round conductors add is left out, too, or they would be too large; where cells do not resolve them, that is all that
-    /// tells of them.
-    fn kept(&self, added: f64, of_resolved: f64) -> f64 {
-        match added < 0.0 {
-            true => self.well_cut * added,
-            false => (1.0 - LESS_BEYOND * of_resolved * (1.0 - self.well_cut)) * added,
-        }
-    }
 }
 
 /// What potentials of a node and its neighbours ask for, the neighbours one after the other.
@@ -440,8 +394,7 @@ impl Unstructured {
             ending.cut += cut;
             if self.weights[edge] > 0.0 {
                 let beyond = if rule.object[1 - end] == NO_OBJECT { 0.0 } else { 1.0 / rule.factor[1 - end] };
-                let inside = 1.0 - 1.0 / factor - beyond;
-                ending.well_cut = ending.well_cut.max((inside / WELL_CUT).clamp(0.0, 1.0));
+                ending.note_inside(1.0 - 1.0 / factor - beyond);
             }
         });
         ending
