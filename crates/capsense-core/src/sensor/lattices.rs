@@ -36,8 +36,8 @@ const DISPLACED: f64 = 1.0;
 
 /// How lattices vary that are compared with each other: in the heights of layers, and by which factor cells are longer along x
 /// and shorter along y.
-const VARIED_HEIGHTS: [f64; 6] = [1.0, 0.9, 0.8, 0.7, 1.2, 1.45];
-const VARIED_ASPECTS: [f64; 3] = [1.0, 0.89, 1.12];
+const VARIED_HEIGHTS: [f64; 5] = [1.0, 1.2, 1.45, 0.9, 0.8];
+const VARIED_ASPECTS: [f64; 3] = [1.0, 0.8, 1.25];
 
 /// How high lower layers are.
 const LOWER_HEIGHTS: [f64; 4] = [0.95, 0.9, 0.85, 0.8];

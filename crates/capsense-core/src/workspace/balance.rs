@@ -32,15 +32,6 @@ pub(super) struct Balance {
     square: f64,
     /// Of all changes together.
     weight: f64,
-    /// The entries of each change.
-    changes: Vec<Vec<Missing>>,
-}
-
-/// What an entry of a change lacks, and what it gains by the logarithm of each factor, relative to what errors are relative to.
-#[derive(Clone, Debug)]
-struct Missing {
-    all: f64,
-    slopes: Vec<f64>,
 }
 
 impl Balance {
@@ -50,7 +41,7 @@ impl Balance {
         let factors = shared.iter().max().map_or(0, |last| last + 1);
         let unusual = (AS_MUCH_AS / UNUSUAL).powi(2);
         let normal = Mat::from_fn(factors, factors, |i, j| if i == j { unusual } else { 0.0 });
-        Self { shared, normal, right: Mat::zeros(factors, 1), square: 0.0, weight: 0.0, changes: Vec::new() }
+        Self { shared, normal, right: Mat::zeros(factors, 1), square: 0.0, weight: 0.0 }
     }
 
     /// Takes note of a change, and what it should be; the mean square of its entries, as in
@@ -59,24 +50,21 @@ impl Balance {
         let Some(scales) = exact.scales() else { return };
         self.weight += weight;
         let weight = weight / scales.len() as f64;
-        let missing = |(entry, scale): (usize, f64)| {
-            let mut slopes = vec![0.0; self.right.nrows()];
+        let mut slopes = vec![0.0; self.right.nrows()];
+        for (entry, scale) in scales.into_iter().enumerate() {
+            slopes.fill(0.0);
             for (&factor, of_electrode) in self.shared.iter().zip(&felt.slopes) {
                 slopes[factor] += of_electrode[entry] / scale;
             }
-            Missing { all: (exact.farads()[entry] - felt.change.farads()[entry]) / scale, slopes }
-        };
-        let entries: Vec<Missing> = scales.into_iter().enumerate().map(missing).collect();
-        for Missing { all, slopes } in &entries {
+            let missing = (exact.farads()[entry] - felt.change.farads()[entry]) / scale;
             for (i, of_i) in slopes.iter().enumerate() {
                 for (j, of_j) in slopes.iter().enumerate() {
                     self.normal[(i, j)] += weight * of_i * of_j;
                 }
-                self.right[(i, 0)] += weight * of_i * all;
+                self.right[(i, 0)] += weight * of_i * missing;
             }
-            self.square += weight * all.powi(2);
+            self.square += weight * missing.powi(2);
         }
-        self.changes.push(entries);
     }
 
     /// The logarithms of the best factors. Where nothing can be told, they are zero.
@@ -91,24 +79,12 @@ impl Balance {
     }
 
     /// The sum of squared errors, weighted, that is left with the best factors.
-    fn left(&self) -> f64 {
+    pub(super) fn left(&self) -> f64 {
         let gained = self.logarithms().transpose() * &self.right;
         (self.square - gained[(0, 0)]).max(0.0)
     }
 
-    /// The mean square of the errors of each change's entries that are left with the best factors, in the order in which changes
-    /// were added.
-    pub(super) fn squares_left(&self) -> impl Iterator<Item = f64> {
-        let logarithms = self.logarithms();
-        let left = move |Missing { all, slopes }: &Missing| {
-            all - slopes.iter().enumerate().map(|(i, slope)| slope * logarithms[(i, 0)]).sum::<f64>()
-        };
-        self.changes.iter().map(move |entries| {
-            entries.iter().map(|entry| left(entry).powi(2)).sum::<f64>() / entries.len() as f64
-        })
-    }
-
-    /// Their mean, each as often as it counts.
+    /// Their mean.
     pub(super) fn mean_square_left(&self) -> f64 {
         self.left() / self.weight
     }

@@ -3,8 +3,7 @@
 //! Which spacing suits electrodes cannot be told from their edges: what bars change of three stripes' capacitances is off by half as
 //! much on a lattice of 33,264 tetrahedra as on one of 39,744, and of two rows of patches by a third as much on 25,704 as on the
 //! usual 25,920. So some sizes and gradings ([`SensorDesign::varied_lattices`]) are tried, in a race in which most are given up
-//! after a few places. Errors are multiplied with each other, not added: sums are decided by the one or two places where all meshes
-//! are poor, and tell next to nothing of other bodies (`docs/mesh.md`).
+//! after a few places.
 
 use super::choice::{FINER, expected_ratio};
 use super::comparison::Comparison;
@@ -31,17 +30,14 @@ const LARGE: usize = 1_200_000;
 /// Places that follow each other are so many apart in the lists of the bodies'.
 const STRIDE: usize = 4;
 
-/// After so many places a mesh is given up whose logarithms of errors until then add up to so much more, times the root of the number of
-/// places, than those of the best, or of the usual one less what [`CLEARLY`] takes off.
+/// After so many places a mesh is given up whose squared errors until then add up to so many times those of the best, or of the usual
+/// one less what [`CLEARLY`] takes off.
 const PATIENT: usize = 4;
-const HOPELESS: f64 = 1.0;
+const HOPEFUL: f64 = 1.3;
 
-/// Another mesh than the usual one is taken where its errors are this part of that one's: what is better at these places need not be
+/// Another mesh than the usual one is taken where its error is below this part of that one's: what is better at these places need not be
 /// better where nobody looks.
-const CLEARLY: f64 = 0.9;
-
-/// Errors below this are none: what others are compared with is off by as much.
-const NONE: f64 = 3e-4;
+const CLEARLY: f64 = 0.8;
 
 /// Errors are compared of changes that are this exact, relative to them.
 const EXACT: f64 = 0.03;
@@ -64,7 +60,7 @@ const BALLS: [Ball; 2] = [
 const LONGEST: f64 = 0.5;
 
 /// The sensor on the most accurate mesh of at most so many tetrahedra, of some that are tried: by C and its changes that the plate
-/// of [`Probes::around`] and two balls make, grounded and floating, the geometric mean over all places, compared with a lattice of four
+/// of [`Probes::around`] and two balls make, grounded and floating, the square mean over all places, compared with a lattice of four
 /// to sixteen times as many. Its links at rims weigh what suits it best, each electrode's more or less by one factor. It is the usual mesh where no other is
 /// clearly better, and that mesh with its own links, [`Sensor::generated`], where nothing can be told and
 /// where there may be fewer than 12,000 or more than 250,000 tetrahedra. Threads are all cores where there is no number; the choice
@@ -142,9 +138,7 @@ fn best(
 ) -> Result<Sensor, WorkspaceError> {
     let none = vec![f64::INFINITY; comparison.places.len() + 1];
     let Some(errors) = errors(comparison, &first, &none)? else { return Ok(first) };
-    // Of C, and of two changes for each place.
-    let clearly = |(places, error): (usize, f64)| error + (1 + 2 * places) as f64 * CLEARLY.ln();
-    let mut least: Vec<f64> = errors.into_iter().enumerate().map(clearly).collect();
+    let mut least: Vec<f64> = errors.into_iter().map(|error| CLEARLY * CLEARLY * error).collect();
     let mut best = first;
     for sensor in others {
         // What cannot be compared is not taken.
@@ -155,24 +149,23 @@ fn best(
     comparison.balanced(best)
 }
 
-/// Sums of the logarithms of a mesh's errors without bodies and with the first of them, one place more each time, as they will be with
-/// links that weigh what suits it best; none where they end above those of another mesh, or as soon as it seems that they will.
+/// Sums of squared errors of a mesh without bodies and with the first of them, one place more each time, as they will be with links
+/// that weigh what suits it best; none as soon as it seems that they will end above those of another mesh.
 fn errors(
     comparison: &Comparison,
     sensor: &Sensor,
     others: &[f64],
 ) -> Result<Option<Vec<f64>>, WorkspaceError> {
     let Some(ratio) = expected_ratio(sensor.mesh().tets().len(), comparison.tets) else { return Ok(None) };
-    let logarithm = |square: f64| (square.sqrt() / (1.0 - ratio)).max(NONE).ln();
+    let end = others[others.len() - 1];
     let mut sums = Vec::with_capacity(others.len());
     let balance = comparison.balance(sensor, |balance| {
-        let places = sums.len();
-        let sum: f64 = balance.squares_left().map(logarithm).sum();
+        let sum = balance.left() / (1.0 - ratio).powi(2);
+        let is_hopeful = sums.len() < PATIENT || sum < HOPEFUL * others[sums.len()];
         sums.push(sum);
-        places < PATIENT || sum - others[places] < HOPELESS * (places as f64).sqrt()
+        sum < end && is_hopeful
     })?;
-    let is_better = sums.last() < others.last();
-    Ok(balance.filter(|_| is_better).map(|_| sums))
+    Ok(balance.map(|_| sums))
 }
 
 /// The plate and the balls, and where each is put, in an order in which all of them, near and far, are among any that follow each other.
