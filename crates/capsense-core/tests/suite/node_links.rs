@@ -133,7 +133,7 @@ fn faces_are_where_they_are_in_flat_elements() {
 }
 
 /// As round bodies rise over a bisected mesh, an electrode's capacitance falls with each step, and steps change little from one to the
-/// next: no link jumps as conductors come to hold nodes.
+/// next as conductors come to hold nodes: were weight taken from links at once there, the sphere would have 0.0094.
 #[test]
 fn steps_change_little_as_conductors_come_to_hold_nodes() {
     let sensor = Sensor::generated(&three_stripes(), MeshKind::Bisection, 30_000).unwrap();

@@ -72,10 +72,10 @@ pub(super) use star::{Row, Star, Stars};
 /// Up to so many cells from an edge, the field is that of a wedge alone.
 const NEAR: f64 = 1.0;
 
-/// Conductors no broader than this part of the longest edge keep no negative links.
+/// Cells do not resolve conductors at all that are no broader than this part of an edge.
 const LEFT_OUT: f64 = 0.25;
 
-/// Those as broad as this part keep all; in between, in proportion.
+/// They do those as broad as this part; in between, in proportion.
 const KEPT: f64 = 0.75;
 
 /// So many tasks for each thread, as some take longer and some threads come later.
@@ -197,7 +197,8 @@ impl Near {
     }
 }
 
-/// How well cells resolve a conductor that is such a part of the longest edge broad: so much of negative links is left beside it.
+/// How well cells resolve a conductor that is such a part of an edge broad, on lattices of the longest one of a node: so much of
+/// negative links is left beside it there.
 #[inline]
 pub(super) fn resolved(breadth: f64) -> f64 {
     ((breadth - LEFT_OUT) / (KEPT - LEFT_OUT)).clamp(0.0, 1.0)

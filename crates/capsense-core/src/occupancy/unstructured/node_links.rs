@@ -7,7 +7,7 @@
 //! its other end, and the node is linked by what is missing, as far as K stays positive definite ([`super::obtuse`]).
 //!
 //! Near an edge of a conductor all of a node's links together are what makes the field of a right angle satisfy the node's
-//! equation, as on lattices ([`super::super::near_field`]).
+//! equation, as on lattices ([`super::super::near_field`]), as far as edges are cut well ([`super::ending`]).
 //!
 //! Such a link is carried by the node's end of its heaviest edge.
 
