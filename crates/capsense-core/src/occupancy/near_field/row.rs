@@ -6,7 +6,7 @@
 
 use super::angles::RightAngles;
 use super::box_field::{of_length, parts};
-use super::cells::{RowCells, TOGETHER, either};
+use super::cells::{PlaneCells, RowCells, TOGETHER, either};
 use super::share::is_thicker;
 use super::{Extent, FAR, NEAR, smooth};
 use crate::occupancy::index_set::RUN;
@@ -147,101 +147,157 @@ const MORE: f64 = 1.0 + 1e-9;
 impl pulp::NullaryFnOnce for FindNearest<'_> {
     type Output = ();
 
-    /// One loop over the nodes of a group, all in plain numbers: of these a compiler makes instructions for several nodes.
     #[inline(always)]
     fn call(self) {
         let Self { angles, half, row, nearest } = self;
+        let by_box = RowByBox::of(angles, half, &row);
+        (nearest.may_be_beside, nearest.by_corner) = (0, 0);
+        for group in 0..row.groups() {
+            by_box.find(&row, group, nearest);
+        }
+    }
+}
+
+/// A row of the lattice in the frame of a box.
+struct RowByBox {
+    /// The box's frame from the sensor's: the columns of the rotation, and where x is zero.
+    turn: [DVec3; 3],
+    origin: f64,
+    /// Half the box's edge lengths.
+    half: DVec3,
+    /// The row at the box's x, and the middles of the cells around its nodes there.
+    start: DVec3,
+    middle: DVec3,
+    /// Of cells across the row, along the axes of the box: their sizes, and how far the cells around nodes reach.
+    lengths: DVec3,
+    reach: DVec3,
+}
+
+impl RowByBox {
+    #[inline(always)]
+    fn of(angles: &RightAngles, half: DVec3, row: &RowCells<'_>) -> Self {
         let [y, z] = row.across;
         let turn = &angles.object_from_sensor;
         let origin = angles.sensor_from_object.translation;
         let start = turn.y_axis * (y.at - origin.y) + turn.z_axis * (z.at - origin.z);
-        // How long cells are along the axes of the box, and how far the cells around nodes reach along them, and from where.
-        let lengths = turn.y_axis.abs() * y.narrowest + turn.z_axis.abs() * z.narrowest;
-        let reach = turn.y_axis.abs() * (MORE * y.width) + turn.z_axis.abs() * (MORE * z.width);
-        let middle = start + turn.y_axis * (0.5 * y.skew) + turn.z_axis * (0.5 * z.skew);
-        let (turn_x, turn_y, turn_z) = (turn.x_axis, turn.y_axis, turn.z_axis);
-        let along = turn.x_axis.abs();
-        (nearest.may_be_beside, nearest.by_corner) = (0, 0);
-        for group in 0..row.groups() {
-            let x = row.group(group);
-            let nodes = group * TOGETHER..(group + 1) * TOGETHER;
-            let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 3]);
-            let (mut may_be_beside, mut by_corner) = (0, 0);
-            for node in 0..TOGETHER {
-                let x = x.at(node);
-                let way = x.at - origin.x;
-                let point = [start.x + turn_x.x * way, start.y + turn_x.y * way, start.z + turn_x.z * way];
-                let outside = [point[0].abs() - half.x, point[1].abs() - half.y, point[2].abs() - half.z];
-                let is_x = (outside[0] <= outside[1]) & (outside[0] <= outside[2]);
-                let is_z = !is_x & (outside[2] < outside[1]);
-                let of_axis = |x: f64, y: f64, z: f64| either(is_x, x, either(is_z, z, y));
-                let sizes = [
-                    lengths.x + along.x * x.narrowest,
-                    lengths.y + along.y * x.narrowest,
-                    lengths.z + along.z * x.narrowest,
-                ];
-                let parts = parts(outside, sizes);
-                let all = parts[0] + parts[1] + parts[2];
-                // To the faces, and along edges to where they end.
-                let to_faces = [
-                    half.x.copysign(point[0]) - point[0],
-                    half.y.copysign(point[1]) - point[1],
-                    half.z.copysign(point[2]) - point[2],
-                ];
-                let mut missing = 0.0;
-                for axis in 0..3 {
-                    let mut from = to_faces;
-                    from[axis] = either(outside[axis] > 0.0, to_faces[axis], 0.0);
-                    // Across the rows of the rotation, which takes the box's frame to the sensor's.
-                    let ways = [
-                        turn_x.x * from[0] + turn_x.y * from[1] + turn_x.z * from[2],
-                        turn_y.x * from[0] + turn_y.y * from[1] + turn_y.z * from[2],
-                        turn_z.x * from[0] + turn_z.y * from[1] + turn_z.z * from[2],
-                    ];
-                    let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
-                    let farthest = larger(larger(cells[0], cells[1]), cells[2]);
-                    let near = smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0));
-                    missing += parts[axis] * (1.0 - near * of_length(half[axis], sizes[axis]));
-                }
-                // Of the two faces that meet at the edge.
-                let before = [
-                    of_axis(outside[1], outside[2], outside[0]),
-                    of_axis(outside[2], outside[0], outside[1]),
-                ];
-                let is_negative = [
-                    of_axis(point[1], point[2], point[0]) < 0.0,
-                    of_axis(point[2], point[0], point[1]) < 0.0,
-                ];
-                let is_beside = may_be_near(
-                    [
-                        (middle.x + turn_x.x * (way + 0.5 * x.skew)).abs() - half.x,
-                        (middle.y + turn_x.y * (way + 0.5 * x.skew)).abs() - half.y,
-                        (middle.z + turn_x.z * (way + 0.5 * x.skew)).abs() - half.z,
-                    ],
-                    [
-                        reach.x + along.x * (MORE * x.width),
-                        reach.y + along.y * (MORE * x.width),
-                        reach.z + along.z * (MORE * x.width),
-                    ],
-                );
-                edge[node] = of_axis(0.0, 4.0, 8.0)
-                    + either(is_negative[0], 1.0, 0.0)
-                    + either(is_negative[1], 2.0, 0.0);
-                found[0][node] = before[0];
-                found[1][node] = before[1];
-                // Of edges that all have theirs, all of it, however numbers are rounded.
-                found[2][node] = 1.0 - missing / all;
-                may_be_beside |= u64::from(is_beside) << node;
-                by_corner |= u64::from(all > 1.0) << node;
-            }
-            let [first, second, share] = found;
-            nearest.edge[nodes.clone()].copy_from_slice(&edge);
-            nearest.before[0][nodes.clone()].copy_from_slice(&first);
-            nearest.before[1][nodes.clone()].copy_from_slice(&second);
-            nearest.may_be_beside |= may_be_beside << nodes.start;
-            nearest.by_corner |= by_corner << nodes.start;
-            nearest.share[nodes].copy_from_slice(&share);
+        let across = |of_y: f64, of_z: f64| turn.y_axis.abs() * of_y + turn.z_axis.abs() * of_z;
+        Self {
+            turn: [turn.x_axis, turn.y_axis, turn.z_axis],
+            origin: origin.x,
+            half,
+            start,
+            middle: start + turn.y_axis * (0.5 * y.skew) + turn.z_axis * (0.5 * z.skew),
+            lengths: across(y.narrowest, z.narrowest),
+            reach: across(MORE * y.width, MORE * z.width),
         }
+    }
+
+    /// So far along x from where the row is at some place.
+    #[inline(always)]
+    fn along(&self, start: DVec3, way: f64) -> [f64; 3] {
+        let turn = &self.turn[0];
+        [start.x + turn.x * way, start.y + turn.y * way, start.z + turn.z * way]
+    }
+
+    #[inline(always)]
+    fn outside(&self, point: [f64; 3]) -> [f64; 3] {
+        let half = &self.half;
+        [point[0].abs() - half.x, point[1].abs() - half.y, point[2].abs() - half.z]
+    }
+
+    /// What of the row across and what along x reaches along the axes of the box.
+    #[inline(always)]
+    fn with_x(&self, across: DVec3, of_x: f64) -> [f64; 3] {
+        let turn = &self.turn[0];
+        [across.x + turn.x.abs() * of_x, across.y + turn.y.abs() * of_x, across.z + turn.z.abs() * of_x]
+    }
+
+    /// Whether any edge may be among the cells around a node.
+    #[inline(always)]
+    fn may_be_beside(&self, x: &PlaneCells) -> bool {
+        let outside = self.outside(self.along(self.middle, x.at - self.origin + 0.5 * x.skew));
+        may_be_near(outside, self.with_x(self.reach, MORE * x.width))
+    }
+
+    /// One loop over the nodes of a group, all in plain numbers: of these a compiler makes instructions for several nodes.
+    #[inline(always)]
+    fn find(&self, row: &RowCells<'_>, group: usize, nearest: &mut NearestEdges) {
+        let nodes = group * TOGETHER..(group + 1) * TOGETHER;
+        let x = row.group(group);
+        let (mut edge, mut found) = ([0.0; TOGETHER], [[0.0; TOGETHER]; 3]);
+        let (mut may_be_beside, mut by_corner) = (0, 0);
+        for node in 0..TOGETHER {
+            let x = x.at(node);
+            let point = self.along(self.start, x.at - self.origin);
+            let outside = self.outside(point);
+            let is_x = (outside[0] <= outside[1]) & (outside[0] <= outside[2]);
+            let is_z = !is_x & (outside[2] < outside[1]);
+            let of_axis = |x: f64, y: f64, z: f64| either(is_x, x, either(is_z, z, y));
+            let sizes = self.with_x(self.lengths, x.narrowest);
+            let parts = parts(outside, sizes);
+            let all = parts[0] + parts[1] + parts[2];
+            let missing = self.missing([&x, row.across[0], row.across[1]], point, (outside, sizes), parts);
+            // Of the two faces that meet at the edge.
+            let before =
+                [of_axis(outside[1], outside[2], outside[0]), of_axis(outside[2], outside[0], outside[1])];
+            let is_negative =
+                [of_axis(point[1], point[2], point[0]) < 0.0, of_axis(point[2], point[0], point[1]) < 0.0];
+            edge[node] =
+                of_axis(0.0, 4.0, 8.0) + either(is_negative[0], 1.0, 0.0) + either(is_negative[1], 2.0, 0.0);
+            found[0][node] = before[0];
+            found[1][node] = before[1];
+            // Of edges that all have theirs, all of it, however numbers are rounded.
+            found[2][node] = 1.0 - missing / all;
+            may_be_beside |= u64::from(self.may_be_beside(&x)) << node;
+            by_corner |= u64::from(all > 1.0) << node;
+        }
+        let [first, second, share] = found;
+        nearest.may_be_beside |= may_be_beside << nodes.start;
+        nearest.by_corner |= by_corner << nodes.start;
+        nearest.edge[nodes.clone()].copy_from_slice(&edge);
+        nearest.before[0][nodes.clone()].copy_from_slice(&first);
+        nearest.before[1][nodes.clone()].copy_from_slice(&second);
+        nearest.share[nodes].copy_from_slice(&share);
+    }
+
+    /// What edges that count as these parts do not have of a node's links, being far away or short.
+    #[inline(always)]
+    fn missing(
+        &self,
+        [x, y, z]: [&PlaneCells; 3],
+        point: [f64; 3],
+        (outside, sizes): ([f64; 3], [f64; 3]),
+        parts: [f64; 3],
+    ) -> f64 {
+        let (half, [turn_x, turn_y, turn_z]) = (&self.half, &self.turn);
+        // To the faces, and along edges to where they end.
+        let to_faces = [
+            half.x.copysign(point[0]) - point[0],
+            half.y.copysign(point[1]) - point[1],
+            half.z.copysign(point[2]) - point[2],
+        ];
+        let [half_x, half_y, half_z] = half.to_array();
+        let near = |from: [f64; 3]| {
+            // Across the rows of the rotation, which takes the box's frame to the sensor's.
+            let ways = [
+                turn_x.x * from[0] + turn_x.y * from[1] + turn_x.z * from[2],
+                turn_y.x * from[0] + turn_y.y * from[1] + turn_y.z * from[2],
+                turn_z.x * from[0] + turn_z.y * from[1] + turn_z.z * from[2],
+            ];
+            let cells = [x.cells_to(ways[0]), y.cells_to(ways[1]), z.cells_to(ways[2])];
+            let farthest = larger(larger(cells[0], cells[1]), cells[2]);
+            smooth(larger(smaller((FAR - farthest) / (FAR - NEAR), 1.0), 0.0))
+        };
+        // One after the other: a loop over axes is not compiled to vectors, and takes four times as many instructions.
+        let along = |outside: f64, to_face: f64| either(outside > 0.0, to_face, 0.0);
+        let near_x = near([along(outside[0], to_faces[0]), to_faces[1], to_faces[2]]);
+        let near_y = near([to_faces[0], along(outside[1], to_faces[1]), to_faces[2]]);
+        let near_z = near([to_faces[0], to_faces[1], along(outside[2], to_faces[2])]);
+        let missing_of =
+            |part: f64, near: f64, half: f64, size: f64| part * (1.0 - near * of_length(half, size));
+        missing_of(parts[0], near_x, half_x, sizes[0])
+            + missing_of(parts[1], near_y, half_y, sizes[1])
+            + missing_of(parts[2], near_z, half_z, sizes[2])
     }
 }
 
