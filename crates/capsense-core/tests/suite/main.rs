@@ -39,6 +39,7 @@ mod measurement;
 mod node_links;
 mod open_wall;
 mod oracle;
+mod order;
 mod outline;
 mod potentials;
 mod rim;
