@@ -4,7 +4,7 @@ use super::box_field::inwards;
 use super::link::{LinkBatch, Unlinked};
 use super::look::Look;
 use super::row::NearestEdges;
-use super::star::Row;
+use super::star::{Row, Star};
 use super::{AtWedge, Cells, Near};
 use crate::occupancy::NO_OBJECT;
 use crate::occupancy::index_set::Part;
@@ -19,6 +19,12 @@ pub(super) struct NodesAnew<'a> {
     pub(super) room: &'a mut Room,
     /// Whether ends of plates change weights, or did.
     pub(super) has_ends: bool,
+}
+
+/// One of the nodes of a piece of a row, and what these make of a box.
+struct ByBox<'a> {
+    nearest: &'a NearestEdges,
+    number: usize,
 }
 
 /// Storage for one task.
@@ -114,44 +120,69 @@ impl NodesAnew<'_> {
             };
             match near {
                 None => {
-                    let (edge, before) = nearest[object].edge(number);
-                    let unlinked = scene.unlinked(&star, (object, share), edge, is_beside);
-                    if nearest[object].is_by_corner(number) {
-                        let at = look.linked_to_box(&star, &unlinked);
-                        self.settle(star.node, unlinked.sides, at);
-                        continue;
-                    }
-                    batch.push(unlinked, before, &edge.normals, look.neighbours(&star, object as u16));
-                    let moved = edge.normals.map(|normal| inwards(&star, normal));
-                    batch.move_last(moved, edge.normals.map(|normal| star.size_along(normal)));
+                    let by_box = ByBox { nearest: &nearest[object], number };
+                    self.take_by_box(&star, (object, share), by_box, is_beside, batch);
                 }
-                Some(Near::Edge(angle)) => {
-                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
-                    let before = angle.before(star.place());
-                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
-                    batch.bend_last(&angle);
-                }
-                Some(Near::Cylinder(angle, of_edge, side)) => {
-                    let unlinked = scene.unlinked(&star, (object, share), &angle, is_beside);
-                    let of_side = look.linked_to_round(&star, &side, &unlinked).link;
-                    let besides = (1.0 - f64::from(of_edge)) * of_side;
-                    let unlinked = Unlinked { at: AtWedge { of_edge, ..unlinked.at }, besides, ..unlinked };
-                    let before = angle.before(star.place());
-                    batch.push(unlinked, before, &angle.normals, look.neighbours(&star, object as u16));
-                    batch.bend_last(&angle);
-                }
-                Some(Near::Round(round)) => {
-                    let unlinked = scene.unlinked(&star, (object, share), &round, is_beside);
-                    let at = look.linked_to_round(&star, &round, &unlinked);
-                    self.settle(star.node, unlinked.sides, AtWedge { of_edge: 0.0, ..at });
-                    continue;
-                }
+                Some(near) => self.take_by_other(&star, (object, share), &near, is_beside, batch),
             }
             if batch.is_full() {
                 self.link(batch);
             }
         }
         row.nodes.end
+    }
+
+    /// Takes a node near the edges of a box, of which the link is found later unless it is near a corner.
+    #[inline(always)]
+    fn take_by_box(
+        &mut self,
+        star: &Star<'_>,
+        (object, share): (usize, f64),
+        ByBox { nearest, number }: ByBox<'_>,
+        is_beside: impl Fn() -> bool,
+        batch: &mut LinkBatch,
+    ) {
+        let look = self.look;
+        let (edge, before) = nearest.edge(number);
+        let unlinked = look.scene.unlinked(star, (object, share), edge, is_beside);
+        if nearest.is_by_corner(number) {
+            let at = look.linked_to_box(star, &unlinked);
+            self.settle(star.node, unlinked.sides, at);
+            return;
+        }
+        batch.push(unlinked, before, &edge.normals, look.neighbours(star, object as u16));
+        let moved = edge.normals.map(|normal| inwards(star, normal));
+        batch.move_last(moved, edge.normals.map(|normal| star.size_along(normal)));
+    }
+
+    /// Takes a node near a cylinder or what is round, of which the link is found later where the former has a rim.
+    fn take_by_other(
+        &mut self,
+        star: &Star<'_>,
+        (object, share): (usize, f64),
+        near: &Near,
+        is_beside: impl Fn() -> bool,
+        batch: &mut LinkBatch,
+    ) {
+        let look = self.look;
+        let (angle, unlinked) = match near {
+            Near::Edge(angle) => (angle, look.scene.unlinked(star, (object, share), angle, is_beside)),
+            Near::Cylinder(angle, of_edge, side) => {
+                let unlinked = look.scene.unlinked(star, (object, share), angle, is_beside);
+                let of_side = look.linked_to_round(star, side, &unlinked).link;
+                let besides = (1.0 - f64::from(*of_edge)) * of_side;
+                (angle, Unlinked { at: AtWedge { of_edge: *of_edge, ..unlinked.at }, besides, ..unlinked })
+            }
+            Near::Round(round) => {
+                let unlinked = look.scene.unlinked(star, (object, share), round, is_beside);
+                let at = look.linked_to_round(star, round, &unlinked);
+                self.settle(star.node, unlinked.sides, AtWedge { of_edge: 0.0, ..at });
+                return;
+            }
+        };
+        let before = angle.before(star.place());
+        batch.push(unlinked, before, &angle.normals, look.neighbours(star, object as u16));
+        batch.bend_last(angle);
     }
 
     /// Finds the links that are missing.
