@@ -51,8 +51,7 @@ fn what_bars_change_converges_with_an_order_of_more_than_one_and_a_half() {
     let sensors = [coarse, medium, fine].map(|lattice| Sensor::on_lattice(&design, &lattice).unwrap());
     for (name, material) in [("grounded", GROUNDED), ("floating", FLOATING)] {
         for degrees in [0.0, 30.0] {
-            let [coarse, medium, fine] =
-                sensors.each_ref().map(|sensor| changes(sensor, material.clone(), degrees));
+            let [coarse, medium, fine] = sensors.each_ref().map(|sensor| changes(sensor, material, degrees));
             let (first, second) = (difference(&coarse, &medium, &fine), difference(&medium, &fine, &fine));
             let order = (first / second).log2();
             println!("{name}, {degrees}°: {:.2} %, {:.2} %, order {order:.2}", 100.0 * first, 100.0 * second);
