@@ -10,13 +10,13 @@ use capsense_core::simulator::Simulator;
 
 const BAR: Shape = Shape::Box { size: DVec3::new(0.15, 0.15, 0.02) };
 
-/// Of the bar's lower face above the electrodes, in metres; no two are alike between planes of nodes.
+/// Of the bar's lower face above the electrodes, in metres: several, as errors depend on where faces are between planes of nodes.
 const HEIGHTS: [f64; 7] = [0.023, 0.031, 0.044, 0.058, 0.075, 0.097, 0.13];
 
-/// What the bar changes of C, turned by some degrees, at all heights; each divided by the roots of what it changes of both electrodes' own
-/// capacitances on the finest lattice.
+/// What the bar changes of C at each height, in farads, row by row.
 type Changes = Vec<[f64; 9]>;
 
+/// Of the bar turned about z.
 fn changes(sensor: &Sensor, material: Material, degrees: f64) -> Changes {
     let mut simulator = Simulator::new(sensor.clone(), vec![material], to(1e-6)).unwrap();
     let base = simulator.base().clone();
@@ -41,7 +41,7 @@ fn difference(one: &Changes, other: &Changes, scale: &Changes) -> f64 {
     f64::sqrt(squares.sum::<f64>() / (9 * one.len()) as f64)
 }
 
-/// On lattices that are halved twice, of which neither planes at electrodes nor the growth of cells differ.
+/// On lattices whose cells are halved twice, so that all their planes stay and only others are added.
 #[test]
 fn what_bars_change_converges_with_an_order_of_more_than_one_and_a_half() {
     let design = three_stripes();
